@@ -29,6 +29,7 @@ from pom.status import (
     has_remark,
     has_trim_remark,
     is_on_faulty_record,
+    ratio_shows_verdict,
     status_of,
 )
 from pom.tolerances.bands import row_remarks
@@ -268,12 +269,16 @@ class PomResult(ShortText):
         lines = [f"{self.case.name}: {self.case.id} {self.case.title}"]
         for run in self.runs:
             line = f"{run}: {self.status(run)}"
-            row = self.worst(run)
-            if row is not None:
+            row = self.deciding_row(run)
+            if row and ratio_shows_verdict(row):
                 line += (
                     f", {row['criterion']} is {row['worst_ratio']:.2f} of its tolerance "
                     f"({row['tolerance_text']})"
                 )
+            elif row:
+                # a row without a number has a reason
+                reasons = (remark.text for remark in row["remarks"] if remark.kind != "values")
+                line += f", {row['criterion']}: {next(reasons, 'no number')}"
             lines.append(line)
         if self.failure:
             lines.append(f"failure: {self.failure}")

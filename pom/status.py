@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping
 from typing import Any
 
@@ -210,3 +211,13 @@ def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:
 def has_remark(row: Mapping[Hashable, Any], kind: str) -> bool:
     """Return whether a row of the verdict table has a remark of a kind."""
     return any(remark.kind == kind for remark in row["remarks"])
+
+
+def ratio_shows_verdict(row: Mapping[Hashable, Any]) -> bool:
+    """Return whether the ratio of a verdict row shows its verdict.
+
+    A failure within the tolerance has another reason, such as a mode that grows where that of the
+    flight decays.
+    """
+    ratio = float(row["worst_ratio"])
+    return math.isfinite(ratio) and not (row["verdict"] == "fail" and ratio <= 1.0)

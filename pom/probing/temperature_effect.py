@@ -111,23 +111,31 @@ def weigh_temperature(
         text = f"departure: the flight in air {-error:+.0f} K off the record failed: {failure}"
         return (RowRemark("departure", text, AIR),)
     effects: dict[str, float] = {}
+    unlike = []
     for criterion in result.case.criteria:
         if not criterion.applies:
             continue
         outcome = judge_criterion(result.case, criterion, job.time, outputs, after)
-        if math.isfinite(outcome.worst_ratio):
+        # A mode that the other air takes away has no ratio, and is more than any ratio.
+        if outcome.fails_without_ratio:
+            unlike.append(criterion.name)
+        elif math.isfinite(outcome.worst_ratio):
             effects[criterion.name] = outcome.worst_ratio
+    air = f"air {-error:+.0f} K off the record"
+    confirm = "confirm the temperature by a second source, and give it as 'delta_T' in [conditions]"
+    if unlike:
+        text = (
+            f"departure: {air} makes rows fail that have no ratio: {', '.join(unlike)}; {confirm}"
+        )
+        return (RowRemark("departure", text, AIR, values=effects, unit="1"),)
     if not effects:
         return (unprobed_remark(_PROBE, "no row has a number", AIR),)
     worst = max(effects, key=lambda name: effects[name])
     text = (
-        f"air {-error:+.0f} K off the record moves the answer by {effects[worst]:.2f} tolerances "
+        f"{air} moves the answer by {effects[worst]:.2f} tolerances "
         f"({plain_words(worst)}; limit {MATTERS:g})"
     )
     if effects[worst] < MATTERS:
         return (RowRemark("probe", text, AIR, values=effects, unit="1"),)
-    text = (
-        f"departure: {text}; confirm the temperature by a second source, and give it as 'delta_T' "
-        f"in [conditions]"
-    )
+    text = f"departure: {text}; {confirm}"
     return (RowRemark("departure", text, AIR, values=effects, unit="1"),)

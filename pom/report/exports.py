@@ -17,7 +17,7 @@ from flightmech.support.atomic_write import write_text
 from pom.report.case.page import case_keys
 from pom.result import PomResult
 from pom.result_notices import collect_texts, departure_remarks, record_remarks, trim_remarks
-from pom.status import BEYOND
+from pom.status import BEYOND, ratio_shows_verdict
 from pom.tolerances.bands import remarks_text
 
 # Lines of a block.
@@ -96,7 +96,7 @@ def _group_verdicts(result: PomResult, run: str) -> Iterator[tuple[str, str, str
 def _row_reason(row: Mapping[Hashable, Any]) -> str:
     """Return the worst ratio of a criterion, or why it has none."""
     criterion = row["criterion"]
-    if not math.isfinite(row["worst_ratio"]):
+    if not ratio_shows_verdict(row):
         return f"{criterion}: {row['verdict'].replace('_', ' ')}: {remarks_text(row['remarks'])}"
     instant = f" at {row['at']:.2f} s" if math.isfinite(row["at"]) else ""
     return (

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,6 +9,7 @@ from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
 from pom.cli.actions.result_lines import result_lines
 from pom.report.case.page import outcome_rows
+from pom.report.exports import junit_xml
 from pom.report.presentation.quantities import MISSING
 from pom.report.presentation.verdict_text import criterion_words
 from pom.result import PomResult, make_verdict_table
@@ -162,3 +165,24 @@ def test_a_result_shows_itself_in_display_units():
     assert ax.get_ylabel() == "p [deg/s]"
     with pytest.raises(UnknownName, match="channel of the result"):
         got.plot(["q"])
+
+
+def test_the_report_states_the_row_that_fails_without_a_ratio():
+    rows = [("nz", "g3", "pass", 0.7), ("period", "mode", "fail", np.nan)]
+    got = result(rows, [criterion("nz", "g3"), criterion("period", "mode")])
+    table = got.verdict.to_dict("records")
+    table[1]["remarks"] = (RowRemark("no_mode", "the model: no oscillation stands out"),)
+    got = replace(got, verdict=make_verdict_table(table))
+    last = got.report().splitlines()[-1]
+    assert last == "a: fail, period: the model: no oscillation stands out"
+
+
+def test_a_failure_within_the_tolerance_is_printed_with_its_reason():
+    """A mode of the right damping that grows where the flight's decays."""
+    got = result([("zeta", "mode", "fail", 0.3)], [criterion("zeta", "mode")])
+    table = got.verdict.to_dict("records")
+    table[0]["remarks"] = (RowRemark("stability", "stability differs"), RowRemark("cycles", "3"))
+    got = replace(got, verdict=make_verdict_table(table))
+    assert got.report().splitlines()[-1] == "a: fail, zeta: stability differs"
+    assert result_lines(got)[0].endswith("FAIL  zeta: stability differs")
+    assert 'message="zeta: fail: stability differs' in junit_xml([got], "t")

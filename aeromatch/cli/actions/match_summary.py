@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
@@ -80,16 +79,16 @@ def _correction_lines(outcome: Any) -> list[str]:
 def _verdict_cell(result: Any, run: str) -> str:
     """Return the verdict of a run with the row that decided it."""
     # An unchanged match loads no module that computes.
-    from pom.status import status_text
+    from pom.status import ratio_shows_verdict, status_text
 
     if run not in result.runs:
         return "not run"
     row, text = result.deciding_row(run), status_text(result.status(run))
     if not row:
         return text
-    # A row that is not judged has no ratio.
+    # A row that is not judged, or that fails for another reason, has no ratio.
     ratio = "\N{EN DASH}"
-    if math.isfinite(row["worst_ratio"]):
+    if ratio_shows_verdict(row):
         ratio = f"{row['worst_ratio']:.2f}"
     return f"{text}  {ratio}  {row['criterion'].replace('_', ' ')}"
 

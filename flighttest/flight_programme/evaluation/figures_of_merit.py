@@ -429,7 +429,8 @@ def judge_bounds(
 ) -> pd.DataFrame:
     """Return every bound with its figure and verdict; columns `COLUMNS`, SI.
 
-    A figure without a number, or of a part in `barred`, is not determined.
+    A figure without a number, or of a part in `barred`, is not determined.  Neither is one inside
+    its bounds whose standard error exceeds the distance between them.
     """
     units = figure_units(plan)
     rows = []
@@ -438,7 +439,8 @@ def judge_bounds(
         if figure is None:
             figure = FigureOfMerit(math.nan, math.nan, units[bound.of])
         part = bound.of.rpartition(".")[0]
-        if not math.isfinite(figure.value) or part in barred:
+        is_vague = figure.stderr > high - low and low <= figure.value <= high
+        if not math.isfinite(figure.value) or part in barred or is_vague:
             verdict = OPEN
         elif low <= figure.value <= high:
             verdict = INSIDE

@@ -26,7 +26,7 @@ from flighttest.flight_programme.evaluation.figures_of_merit import (
     series_windows,
     window_means,
 )
-from flighttest.flight_programme.evaluation.mass_and_thrust import add_computed_mass
+from flighttest.flight_programme.evaluation.mass_and_thrust import add_computed_mass, thrust_remarks
 from flighttest.flight_programme.evaluation.plan import (
     EvaluationPlan,
     FitTable,
@@ -46,7 +46,7 @@ from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.remarks import is_forbidden
+from flighttest.remarks import Remark, is_forbidden
 from flighttest.submodels.aircraft_properties.eigenmotion import Eigenmotion, fit_motion
 
 T = TypeVar("T")
@@ -99,6 +99,7 @@ class _Evaluator:
 
     def evaluate(self) -> Evaluation:
         quality = assess(self.record, self.aircraft)
+        extrapolated: list[Remark] = []
         points = pd.DataFrame()
         lines: list[FittedLine] = []
         fits: list[Fit] = []
@@ -106,6 +107,9 @@ class _Evaluator:
         if quality.usable:
             self.record = add_computed_mass(
                 self.record, self.aircraft, loading=self.plan.loading, deck=self.plan.thrust
+            )
+            extrapolated = thrust_remarks(
+                self.record, self.aircraft, deck=self.plan.thrust, windows=self._thrust_windows()
             )
             points = self._average_points()
             lines = self._fit_lines(points)
@@ -130,6 +134,7 @@ class _Evaluator:
             figures=figures,
             judged=judge_bounds(self.plan, figures, barred),
             refused=self.refused,
+            thrust_remarks=extrapolated,
         )
 
     def _try_part(self, name: str, act: Callable[..., T], *items: Any) -> T | None:
@@ -193,6 +198,19 @@ class _Evaluator:
         )
         self.paths["points"] = path
         return coefficients(path, self.aircraft, errors=self.errors)
+
+    def _thrust_windows(self) -> list[tuple[float, float]]:
+        """Return start and stop of the stretches whose thrust is used. [s]"""
+        windows: list[tuple[float, float]] = []
+        if self.plan.points is not None:
+            windows += series_windows(self.plan.points)
+        for table in self.plan.fit:
+            first, last = table.window or (0.0, 0.0)
+            for name in table.on:
+                # an unknown manoeuvre is refused with its fit
+                if name in self.starts:
+                    windows.append((self.starts[name] + first, self.starts[name] + last))
+        return windows
 
     def _average_points(self) -> pd.DataFrame:
         if self.plan.points is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import xarray as xr
 
@@ -11,10 +13,13 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.names import quantity_attributes
 from flighttest.flight_programme.evaluation.plan import Loading, ThrustPoints, read_sheet
 from flighttest.records.record import channel_leaves
+from flighttest.remarks import Remark
 
 # Largest residual of the points of a deck, as a share of the largest thrust. Points with a larger
 # residual do not depend on corrected fuel flow and Mach number alone.
 _RESIDUAL = 0.05
+# Distance beyond the points of a deck, as a share of their range, that still counts as covered.
+_MARGIN = 0.05
 # Channels that the thrust needs besides the fuel flow.
 _AIR = ("h_baro", "mach", "temperature")
 
@@ -79,19 +84,14 @@ def deck_thrust(
     """Return the net thrust of one engine [N] from points of its deck.
 
     Thrust over pressure ratio is a second-order polynomial of corrected fuel flow and Mach number,
-    fitted to the points.
+    fitted to the points.  It is extrapolated beyond them (`thrust_remarks`).
 
     Raises
     ------
     IdentificationError
         The points are too few, or such a polynomial does not reproduce them.
     """
-    points = read_sheet(deck.file)
-    deck_h, deck_mach = deck.h.of(points, "m"), deck.mach.of(points, "1")
-    deviation = deck.delta_T.of(points, "K")
-    flow, thrust = deck.fuel_flow.of(points, "kg s-1"), deck.thrust.of(points, "N")
-    deck_temperature = np.asarray(atmosphere(deck_h).temperature) + deviation
-    X, delta = _regressors(deck_h, deck_mach, temperature=deck_temperature, fuel_flow=flow)
+    X, delta, thrust = _deck_points(deck)
     if len(X) <= X.shape[1]:
         raise IdentificationError(
             f"{deck.file}: {len(X)} points for {X.shape[1]} coefficients of the thrust; give "
@@ -109,6 +109,63 @@ def deck_thrust(
     return np.maximum(delta * (X @ theta), 0.0)
 
 
+def _deck_points(deck: ThrustPoints) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return regressors (point, 6), pressure ratio and thrust [N] of the points of a deck."""
+    points = read_sheet(deck.file)
+    h, mach = deck.h.of(points, "m"), deck.mach.of(points, "1")
+    temperature = np.asarray(atmosphere(h).temperature) + deck.delta_T.of(points, "K")
+    flow, thrust = deck.fuel_flow.of(points, "kg s-1"), deck.thrust.of(points, "N")
+    X, delta = _regressors(h, mach, temperature=temperature, fuel_flow=flow)
+    return X, delta, thrust
+
+
+def thrust_remarks(
+    record: xr.DataTree,
+    aircraft: Aircraft,
+    deck: ThrustPoints | None,
+    windows: Iterable[tuple[float, float]],
+) -> list[Remark]:
+    """Return remarks on stretches whose thrust is extrapolated beyond the points of the deck.
+
+    Parameters
+    ----------
+    record : DataTree
+        Of `add_computed_mass`.
+    aircraft : Aircraft
+    deck : ThrustPoints, optional
+        Without a deck there is no remark.
+    windows : iterable of (start, stop)
+        Stretches whose thrust is used. [s]
+    """
+    if deck is None:
+        return []
+    X, _, _ = _deck_points(deck)
+    names = _flow_names(aircraft)
+    time = record[channel_leaves(record)[names[0]]].to_dataset()["time"].values
+    flow, air = _channels_at(record, names, time), _channels_at(record, _AIR, time)
+    used = np.zeros(len(time), bool)
+    for start, stop in windows:
+        used |= (time >= start) & (time <= stop)
+    remarks = []
+    for k, row in enumerate(flow):
+        at, _ = _regressors(air[0], air[1], temperature=air[2], fuel_flow=row)
+        # the second and the fourth regressor are the variables themselves
+        for name, column in (("corrected fuel flow [kg/s]", 1), ("Mach number", 3)):
+            low, high = X[:, column].min(), X[:, column].max()
+            values, margin = at[used, column], _MARGIN * (high - low)
+            beyond = (values < low - margin) | (values > high + margin)
+            if beyond.any():
+                share = float(beyond.mean())
+                text = (
+                    f"engine {k + 1}: {name} is {np.nanmin(values):.4g} ... "
+                    f"{np.nanmax(values):.4g}, the points of {deck.file.name} have {low:.4g} ... "
+                    f"{high:.4g}: the thrust of {100.0 * share:.3g} % of the used samples is "
+                    f"extrapolated; add points to the deck, or leave these stretches out"
+                )
+                remarks.append(Remark("extrapolated", text, f"engine{k + 1}.thrust", share, 0.0))
+    return remarks
+
+
 def _regressors(
     h: np.ndarray, mach: np.ndarray, *, temperature: np.ndarray, fuel_flow: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -116,6 +173,19 @@ def _regressors(
     delta = np.asarray(atmosphere(h).p_static) / P_SEA
     flow = fuel_flow / (delta * np.sqrt(temperature / T_SEA))
     return np.stack([np.ones_like(flow), flow, flow**2, mach, mach * flow, mach**2], axis=1), delta
+
+
+def _flow_names(aircraft: Aircraft) -> list[str]:
+    return [f"engine{k + 1}.fuel_flow" for k in range(len(aircraft.engines))]
+
+
+def _channels_at(record: xr.DataTree, names: Iterable[str], time: np.ndarray) -> np.ndarray:
+    """Return channels at times (channel, time), linear between their samples. [SI]"""
+    leaves, rows = channel_leaves(record), []
+    for name in names:
+        leaf = record[leaves[name]].to_dataset()
+        rows.append(np.interp(time, leaf["time"].values, leaf[name].values.astype(float)))
+    return np.array(rows)
 
 
 def add_computed_mass(
@@ -135,7 +205,7 @@ def add_computed_mass(
     if loading is None and deck is None:
         return record
     leaves = channel_leaves(record)
-    flows = [f"engine{k + 1}.fuel_flow" for k in range(len(aircraft.engines))]
+    flows = _flow_names(aircraft)
     required = flows
     if deck is not None:
         required = [*flows, *_AIR]
@@ -149,19 +219,14 @@ def add_computed_mass(
             )
     clock = record[leaves[flows[0]]].to_dataset()
     time = clock["time"].values.astype(float)
-
-    def interpolate(name: str) -> np.ndarray:
-        leaf = record[leaves[name]].to_dataset()
-        return np.interp(time, leaf["time"].values, leaf[name].values.astype(float))
-
-    flow = np.array([interpolate(name) for name in flows])
+    flow = _channels_at(record, flows, time)
     computed: dict[str, np.ndarray] = {}
     if loading is not None:
         # fuel burnt up to each sample; the flow of a sample lasts to the next
         burnt = np.concatenate([[0.0], np.cumsum(flow.sum(axis=0)[:-1] * np.diff(time))])
         computed["mass"], computed["x_cg_b"] = mass_after_burn(loading, aircraft, burnt)
     if deck is not None:
-        h, mach, temperature = (interpolate(name) for name in _AIR)
+        h, mach, temperature = _channels_at(record, _AIR, time)
         for k, row in enumerate(flow):
             computed[f"engine{k + 1}.thrust"] = deck_thrust(
                 deck, h, mach=mach, temperature=temperature, fuel_flow=row

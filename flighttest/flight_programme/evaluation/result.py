@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -80,6 +80,8 @@ class Evaluation(ShortText):
         Bounds and verdicts.
     refused : dict of str to str
         Reason for each part of the plan that is not determined.
+    thrust_remarks : list of Remark
+        Stretches whose thrust is extrapolated beyond the points of the deck.
     """
 
     plan: EvaluationPlan
@@ -94,6 +96,7 @@ class Evaluation(ShortText):
     figures: dict[str, FigureOfMerit]
     judged: pd.DataFrame
     refused: dict[str, str]
+    thrust_remarks: list[Remark] = field(default_factory=list)
 
     @property
     def passed(self) -> bool:
@@ -104,10 +107,12 @@ class Evaluation(ShortText):
 
     @property
     def remarks(self) -> dict[str, list[Remark]]:
-        """Remarks on each fit and motion by name."""
+        """Remarks on each fit and motion by name, and on the thrust if it has any."""
         remarks = {fit.name: fit.remarks for fit in self.fits}
         for name, motion in self.motions.items():
             remarks[name] = motion.remarks
+        if self.thrust_remarks:
+            remarks["thrust"] = self.thrust_remarks
         return remarks
 
     @property
@@ -173,6 +178,7 @@ def format_evaluation(evaluation: Evaluation) -> str:
         lines += [f"{name}: {motion.report()}", ""]
     for name, text in e.refused.items():
         lines += [f"! {name} not determined: {text}"]
+    lines += [f"! {remark}" for remark in e.thrust_remarks]
     lines += ["", "bounds:"]
     for row in e.judged.to_dict("records"):
         symbol = " " if row["verdict"] == INSIDE else "!"
@@ -222,6 +228,7 @@ def render_evaluation_page(evaluation: Evaluation) -> str:
         delays=e.quality.delays.to_dict("records"),
         answers=e.quality.answers.to_dict("records"),
         refused=e.refused,
+        thrust_remarks=[str(remark) for remark in e.thrust_remarks],
         bounds=[_bound_row(row) for row in e.judged.to_dict("records")],
         columns=[(name, _display_units(name)) for name in _POINT_COLUMNS if name in e.points],
         points=[_point_row(e, row) for row in e.points.to_dict("records")],

@@ -72,11 +72,14 @@ class Flights:
         Record to condition; empty text if no condition is near.
     done : list of (str, str)
         Condition and manoeuvre.
+    undetermined : list of (str, str)
+        Condition and manoeuvre that were flown, but that no fit could use; they are not done.
     """
 
     fits: list[Any]
     conditions: dict[str, str]
     done: list[Item]
+    undetermined: list[Item] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ class Coverage(ShortText):
         return {
             "records": self.flights.conditions,
             "done": [", ".join(item) for item in self.flights.done],
+            "undetermined": [", ".join(item) for item in self.flights.undetermined],
             "nodes": self.nodes,
             "rows": self.rows,
             "needed": self.needed.reset_index(),
@@ -148,17 +152,26 @@ def flights_of(
     """
     fits: list[Any] = []
     done: list[Item] = []
+    flown: list[Item] = []
     conditions = {}
     for name, record in records.items():
         data = coefficients(paths[name], aircraft, catalogue.errors or None, catalogue.cutoff)
         condition = nearest_condition(catalogue.condition, data)
         conditions[name] = condition
         marks = _find_marks(catalogue, marked_manoeuvres(record))
-        if condition:
-            done += [(condition, manoeuvre) for manoeuvre in marks]
+        # A manoeuvre that no fit can use is to be flown again; one without a fit is only flown.
+        wanted: set[str] = set()
+        used: set[str] = set()
         for fit in catalogue.fit:
             if not fit.conditions or condition in fit.conditions:
-                fits += _fit_record(fit, data, marks, name=name)
+                found = _fit_record(fit, data, marks, name=name)
+                fits += found
+                wanted.update(fit.manoeuvres)
+                used.update(fit.manoeuvres if found else ())
+        if condition:
+            flown += [(condition, manoeuvre) for manoeuvre in marks]
+            useful = [item for item in marks if item in used or item not in wanted]
+            done += [(condition, manoeuvre) for manoeuvre in useful]
     if not fits:
         names = ", ".join(manoeuvre.name for manoeuvre in catalogue.manoeuvre)
         problem = (
@@ -166,7 +179,9 @@ def flights_of(
             "if the records use other names"
         )
         raise SchemaError("flight coverage", [problem])
-    return Flights(fits, conditions, list(dict.fromkeys(done)))
+    done = list(dict.fromkeys(done))
+    undetermined = [item for item in dict.fromkeys(flown) if item not in done]
+    return Flights(fits, conditions, done, undetermined)
 
 
 def _find_marks(catalogue: Catalogue, table: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -330,6 +345,8 @@ def _format_coverage(coverage: Coverage) -> str:
         f"{len(flights.done)} manoeuvres done, {len(coverage.needed)} still needed, "
         f"{len(coverage.superfluous)} superfluous"
     )
+    for item in flights.undetermined:
+        lines.append(f"flown, but no fit can use it: {', '.join(item)}")
     lines += ["", *_format_nodes(coverage.nodes), ""]
     if len(coverage.rows):
         lines += [*format_rows(coverage.rows), ""]

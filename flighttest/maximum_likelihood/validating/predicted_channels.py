@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import AeromatchWarning
+from flightmech.errors import AeromatchWarning, IdentificationError
 from flightmech.support.arrays import rms
 from flighttest.maximum_likelihood.linear.motion_prediction import predict_motion
 from flighttest.maximum_likelihood.result import OutputError
@@ -44,7 +44,7 @@ def predict_window(
     Raises
     ------
     AeromatchError
-        The model cannot predict the window.
+        The model cannot predict the window, or its run diverges.
     """
     if isinstance(model, OutputError):
         found = predict_motion(model, data)
@@ -53,6 +53,7 @@ def predict_window(
             measured, predicted = found.measured[name], found.predicted[name]
             unit = str(measured.attrs.get("units", ""))
             channels.append(PredictedChannel(str(name), unit, measured.values, predicted.values))
+            _demand_values(channels[-1], np.isfinite(measured.values))
         return channels, list(found.remarks)
     return _predict_coefficient(model, data)
 
@@ -77,7 +78,23 @@ def _predict_coefficient(fit: Fit, data: xr.Dataset) -> tuple[list[PredictedChan
     if separate:
         predicted = predicted + np.nanmean(measured - predicted)
         remarks.append("its constant is taken from the window")
-    return [PredictedChannel(coefficient, "1", measured, predicted)], remarks
+    channel = PredictedChannel(coefficient, "1", measured, predicted)
+    # A state without a value gives no coefficient, which is no fault of the model.
+    lost = np.isnan(predicted) & np.isfinite(measured)
+    if lost.any():
+        remarks.append(f"{int(lost.sum())} samples without a state of the model do not count")
+    _demand_values(channel, np.isfinite(measured) & ~lost)
+    return [channel], remarks
+
+
+def _demand_values(channel: PredictedChannel, counted: np.ndarray) -> None:
+    """Raise IdentificationError if a counted sample (time,) has no predicted value."""
+    lost = counted & ~np.isfinite(channel.predicted)
+    if lost.any():
+        raise IdentificationError(
+            f"the run diverges: {channel.name} has no value in {int(lost.sum())} of "
+            f"{int(counted.sum())} samples"
+        )
 
 
 def figures_of(parts: Sequence[PredictedChannel]) -> dict[str, Any]:

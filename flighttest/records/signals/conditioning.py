@@ -14,13 +14,15 @@ from flighttest.records.signals.resampling import (
     GAP,
     SMOOTHING,
     is_control,
+    is_switch,
     lowpass,
     resample_to_grid,
 )
 
 # Quantities that are constants of a manoeuvre.
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-_SWITCHES = ("wow_", "gear", "speedbrake", "brake", "cutoff", "starter", "ignition", "flameout")
+# Channels besides the switches whose steps are no frequencies to be filtered.
+_STEPS = ("wow_", "gear", "speedbrake", "brake")
 # Attributes of a channel that a manoeuvre has too.
 _CHANNEL_ATTRIBUTES = ("units", "sign", "long_name", "calibration")
 _PLACE_ATTRIBUTES = ("latitude", "runway_elevation")
@@ -60,8 +62,8 @@ def smooth(maneuver: xr.Dataset, cutoff: float = SMOOTHING, controls: bool = Fal
     smoothed = maneuver.copy()
     for name in map(str, maneuver.data_vars):
         channel = maneuver[name]
-        is_switch = name.rpartition(".")[2].startswith(_SWITCHES)
-        if channel.dims != ("time",) or is_switch or (is_control(name) and not controls):
+        has_steps = is_switch(name) or name.rpartition(".")[2].startswith(_STEPS)
+        if channel.dims != ("time",) or has_steps or (is_control(name) and not controls):
             continue
         smoothed[name] = "time", lowpass(channel.values, rate, cutoff), channel.attrs
     return smoothed.assign_attrs(smoothed=cutoff)

@@ -1,8 +1,9 @@
 """Resampling and zero-phase filtering of sampled channels.
 
 Controls move in near-rectangular steps.  They are interpolated by monotone cubics, which do not
-overshoot, and all other channels by cubic splines.  A channel that is faster than the target grid
-is low-passed first in both directions, without delay and aliasing.
+overshoot, switches have the state of the nearest sample, and all other channels have cubic splines.
+A channel that is faster than the target grid is low-passed first in both directions, without delay
+and aliasing; a switch is not.
 """
 
 from __future__ import annotations
@@ -27,7 +28,13 @@ clock from deciding about two lost samples.
 _CONTROLS = (
     *("delta_", "throttle", "pla", "gear", "speedbrake", "brake"),
     *("column", "wheel", "pedal", "F_", "wow_"),
-    "setting",  # of a device
+    *("mixture", "prop_", "tiller", "i_h", "trim_indicator"),
+    *("setting", "deflection"),  # of a device
+)
+# Channels that are 0 or 1.
+_SWITCHES = frozenset(
+    ("cutoff", "starter", "ignition", "flameout", "feather", "burning")
+    + ("crossfeed", "pump", "stall_warning", "buffet")
 )
 SMOOTHING = 6.0
 """Cut-off of `smooth`, two to three times the fastest mode of a small aeroplane. [Hz]
@@ -47,6 +54,11 @@ _GRID_CUTOFF = 0.4
 def is_control(name: str) -> bool:
     """Return whether a channel is a surface, lever, device or pilot force."""
     return name.rpartition(".")[2].startswith(_CONTROLS)
+
+
+def is_switch(name: str) -> bool:
+    """Return whether a channel is 0 or 1, such as a fuel lever."""
+    return name.rpartition(".")[2] in _SWITCHES
 
 
 # Least cut-off over the rate: below 1e-8 the steady state of the filter is singular by rounding.
@@ -131,7 +143,8 @@ def resample(time, x, grid, name: str) -> np.ndarray:
     grid : array (grid,)
         Times of the result.  Beyond the samples the nearest value is held. [s]
     name : str
-        Canonical name.  A control has a monotone cubic, any other channel a cubic spline.
+        Canonical name.  A switch has its nearest sample, a control a monotone cubic, any other
+        channel a cubic spline.
 
     Returns
     -------
@@ -146,6 +159,9 @@ def resample(time, x, grid, name: str) -> np.ndarray:
 
     time, x, grid = (np.asarray(a, float) for a in (time, x, grid))
     grid = np.clip(grid, time[0], time[-1])
+    if is_switch(name):
+        # Halfway between two samples: on average without a delay.
+        return x[np.searchsorted(0.5 * (time[:-1] + time[1:]), grid)]
     if len(time) < 4:
         return np.interp(grid, time, x)
     if _is_same_clock(time, grid) and np.isfinite(x).all():
@@ -172,8 +188,8 @@ def resample_to_grid(time, x, grid, name: str) -> np.ndarray:
     # one sample has no rate
     channel_rate = 1.0 / median(np.diff(time)) if len(time) > 1 else 0.0
     # A switch has no frequencies that could be filtered.
-    is_switch = name.rpartition(".")[2].startswith("wow_")
-    if channel_rate > 1.01 * rate and not is_switch:
+    has_states = is_switch(name) or name.rpartition(".")[2].startswith("wow_")
+    if channel_rate > 1.01 * rate and not has_states:
         steps = math.floor((time[-1] - time[0]) * channel_rate + 1e-6)
         uniform = time[0] + np.arange(steps + 1) / channel_rate
         # A shorter channel is too short for the filter.

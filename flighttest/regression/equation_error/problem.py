@@ -106,6 +106,9 @@ class LinearSolution:
         Covariance beyond that of a disturbance that is independent of the regressors.
     variables, attributes : dict
         Further variables of the free parameters, and attributes.
+    influence : callable, optional
+        From the residual (samples,) without weights to that whose least squares with `carrier` have
+        the standard errors of the estimate. Default: the weighted residual.
     """
 
     elimination: ParameterElimination
@@ -120,6 +123,7 @@ class LinearSolution:
     added: np.ndarray
     variables: dict[str, Any]
     attributes: dict[str, Any]
+    influence: Callable[[np.ndarray], np.ndarray] | None = None
 
 
 Solve = Callable[[ParameterElimination], LinearSolution]

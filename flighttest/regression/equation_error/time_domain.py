@@ -217,6 +217,11 @@ def _solve_least_squares(
     is_constant = problem.is_constant[elimination.free]
     penalty, parameter = ridge_penalty(ridge, Xw, z=zw, fixed=is_constant)
     phi, E = least_squares.solve_least_squares(Xw, zw, penalty)
+    # Huber's weights follow the residuals, which changes their standard errors.
+    carrier, influence = E, None
+    if weights == "robust":
+        carrier = least_squares.solve_least_squares(X, z, penalty)[1]
+        influence = least_squares.huber_pseudo_residuals
     variables: dict[str, Any] = {}
     if parameter:
         bias = least_squares.ridge_bias(Xw, zw, penalty)
@@ -226,7 +231,7 @@ def _solve_least_squares(
         phi,
         E=E,
         design=E,
-        carrier=E,
+        carrier=carrier,
         X=Xw,
         motion=X,
         information=Xw.T @ Xw + np.diag(penalty),
@@ -238,6 +243,7 @@ def _solve_least_squares(
             "ridge": parameter,
             **unsettled_attributes("weights", weighting),
         },
+        influence=influence,
     )
 
 
@@ -250,17 +256,18 @@ def _describe_solution(
     T, is_constant = elimination.matrix, problem.is_constant
     theta = elimination.expand(solution.phi)
     v = z - X @ theta
-    s2 = float(v * root @ (v * root)) / (len(z) - len(solution.phi))
+    scaled = v * root if solution.influence is None else solution.influence(v)
+    s2 = float(scaled @ scaled) / (len(z) - len(solution.phi))
     pieces, steps = samples.pieces()
     carrier = solution.carrier
-    coloured = coloured_covariance_of(carrier, v * root, pieces=pieces, steps=steps, lag=lag)
+    coloured = coloured_covariance_of(carrier, scaled, pieces=pieces, steps=steps, lag=lag)
     stationary = elimination.expand_covariance(coloured.covariance + solution.added)
     covariance, growing = stationary, None
-    envelope = growth_envelope(solution.motion, v * root, pieces)
+    envelope = growth_envelope(solution.motion, scaled, pieces)
     if lag is None and np.ptp(envelope) > 0.0:
         growing = elimination.expand_covariance(
             coloured_covariance_of(
-                carrier, v * root, pieces=pieces, steps=steps, envelope=envelope
+                carrier, scaled, pieces=pieces, steps=steps, envelope=envelope
             ).covariance
             + solution.added
         )
@@ -279,7 +286,10 @@ def _describe_solution(
         **solution.variables,
         **_term_variables(contribution, windowed=windowed),
     }
-    white = np.sqrt(s2 * ((A / root) ** 2).sum(axis=1))
+    spread = A / root
+    if solution.influence is not None:
+        spread = T @ least_squares.estimator_matrix(carrier)
+    white = np.sqrt(s2 * (spread**2).sum(axis=1))
     estimates = least_squares.regression_estimates(
         problem.terms,
         theta,

@@ -1,6 +1,8 @@
 """Agreement of a prediction with a measurement, in the figures that reports print.
 
-Samples where either signal is NaN are ignored. Every function takes the measured signal first.
+Samples without a measurement are ignored. A prediction without a value at a measured sample is an
+error: the figures of a run up to its divergence would be those of a good model. Every function
+takes the measured signal first.
 
 References
 ----------
@@ -56,7 +58,8 @@ def r_squared(measured, predicted) -> float:
     Raises
     ------
     IdentificationError
-        Signals of different lengths, fewer than two samples in common, or a constant measurement.
+        Signals of different lengths, fewer than two samples in common, a constant measurement, or a
+        prediction without a value.
     """
     z, y = _common_samples(measured, predicted)
     return 1.0 - float(((z - y) ** 2).sum() / _demand_positive(((z - z.mean()) ** 2).sum()))
@@ -185,7 +188,7 @@ def validation_report(table: pd.DataFrame) -> str:
 
 
 def _common_samples(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
-    """Return both signals at the samples where both are finite."""
+    """Return both signals at the measured samples."""
     # A broadcast of different shapes would compare samples of different times.
     z, y = np.asarray(measured, float), np.asarray(predicted, float)
     if z.shape != y.shape or z.ndim != 1:
@@ -193,12 +196,19 @@ def _common_samples(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
             f"signals of shape {z.shape} and {y.shape} cannot be compared; put both on one "
             f"clock first"
         )
-    is_finite = np.isfinite(z) & np.isfinite(y)
-    if is_finite.sum() < 2:
+    measured_at = np.isfinite(z)
+    lost = measured_at & ~np.isfinite(y)
+    if lost.any():
         raise IdentificationError(
-            f"{is_finite.sum()} samples with both signals; at least 2 are needed"
+            f"the prediction has no value at {int(lost.sum())} of {int(measured_at.sum())} measured "
+            f"samples, first at sample {int(lost.argmax())}: the run diverges or ends early; give the "
+            f"samples before it to compare these alone"
         )
-    return z[is_finite], y[is_finite]
+    if measured_at.sum() < 2:
+        raise IdentificationError(
+            f"{measured_at.sum()} samples with both signals; at least 2 are needed"
+        )
+    return z[measured_at], y[measured_at]
 
 
 def _demand_positive(size) -> float:

@@ -26,7 +26,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -178,7 +178,8 @@ def nominal_variables(state: Mapping[str, float], aircraft: Aircraft) -> dict[st
 TURN = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 # Vectors of a record, and of a path.
 _RECORDED = (("p", "q", "r"), ("ax_imu", "ay_imu", "az_imu"))
-_VECTORS = (*_RECORDED, ("ax", "ay", "az"), ("u", "v", "w"), ("p_dot", "q_dot", "r_dot"))
+_CG = ("x_cg_b", "y_cg_b", "z_cg_b")
+_VECTORS = (*_RECORDED, ("ax", "ay", "az"), ("u", "v", "w"), ("p_dot", "q_dot", "r_dot"), _CG)
 _EULER = ("phi", "theta", "psi")
 # States that are computed again in body axes.
 _DERIVED = ("alpha", "beta", "nz", "alpha_dot", "beta_dot", *REDUCED_RATES)
@@ -221,12 +222,23 @@ def _turn_record(record: xr.DataTree) -> xr.DataTree:
         if all(part in data for part in _EULER):
             R = body_to_ned_rotation(_stack_columns(data, _EULER))
             data = _replace_columns(data, _EULER, _euler_angles(R @ TURN.T))
+        data = _turn_recorded_cg(data)
         nodes[f"/{name}"] = data.drop_vars(["alpha_vane", "beta_vane"], errors="ignore")
     return xr.DataTree.from_dict(nodes)
 
 
+def _turn_recorded_cg(data: xr.Dataset) -> xr.Dataset:
+    """Return a leaf with its c.g. in turned axes; a coordinate may be recorded without others."""
+    turned = {}
+    for row, name in zip(TURN, _CG, strict=True):
+        k = int(np.abs(row).argmax())
+        if _CG[k] in data:
+            turned[name] = data[_CG[k]] * row[k]
+    return data.drop_vars(list(_CG), errors="ignore").assign(turned)
+
+
 def _turn_aircraft(aircraft: Aircraft, facts: Mapping[Any, Any]) -> Aircraft:
-    """Return the aircraft with c.g. and instruments in turned axes."""
+    """Return the aircraft with c.g., tanks and instruments in turned axes."""
     tables: dict[str, Any] = {}
     for name, item in {**aircraft.instruments, **stated_in(facts)}.items():
         table = dict(item)
@@ -237,8 +249,17 @@ def _turn_aircraft(aircraft: Aircraft, facts: Mapping[Any, Any]) -> Aircraft:
         if "position" in table:
             table["position"] = (TURN @ np.asarray(table["position"], float)).tolist()
         tables[name] = table
-    x, y, z = TURN @ np.asarray(aircraft.cg, float)
-    return replace(aircraft, cg=(float(x), float(y), float(z)), instruments=tables)
+    fuel = aircraft.fuel
+    if fuel is not None:
+        tanks = [replace(tank, position=_turn_place(tank.position)) for tank in fuel.tanks]
+        fuel = replace(fuel, tanks=tuple(tanks))
+    return replace(aircraft, cg=_turn_place(aircraft.cg), fuel=fuel, instruments=tables)
+
+
+def _turn_place(place: Sequence[float]) -> tuple[float, float, float]:
+    """Return a place of the aircraft in turned axes. [m]"""
+    x, y, z = TURN @ np.asarray(place, float)
+    return float(x), float(y), float(z)
 
 
 def _turn_back(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:

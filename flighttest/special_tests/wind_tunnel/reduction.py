@@ -8,6 +8,7 @@ errors besides the scatter of the points.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,7 +16,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.axes import lift_drag, matrix_from_euler, transfer_moment
-from flightmech.errors import IdentificationError, SchemaError
+from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError
+from flightmech.units import DEGREE
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.wind_tunnel.balance import (
     COEFFICIENTS,
@@ -31,6 +33,8 @@ from flighttest.special_tests.wind_tunnel.points import read_points
 _DETERMINED = 1e-6
 # Smallest singular value of the scaled regressors of the tare.
 _LEAST_SINGULAR = 0.05
+# Angle of attack beyond those of the tare that the weight of the model allows. [rad]
+_TARE_MARGIN = 1.0 * DEGREE
 # Element of a rotation matrix below which a load has no part in a component.
 _NO_SHARE = 1e-9
 
@@ -69,6 +73,11 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
     IdentificationError
         All points have the wind off.
 
+    Warns
+    -----
+    AeromatchWarning
+        The tare is from one point, or the wind-off points have not the attitudes of the others.
+
     Notes
     -----
     The tare is fitted to the loads of the points with the wind off, and subtracted.  It is a
@@ -79,7 +88,7 @@ def balance_coefficients(path: str | Path, setup: BalanceSetup) -> xr.Dataset:
     points, names = read_points(path, setup)
     off = _find_wind_off(points, setup, path)
     measured = {name: points[name] for name in names}
-    corrected, tare = _subtract_tare(measured, points, off)
+    corrected, tare = _subtract_tare(measured, points, off, moves=setup.balance.moves)
     wind_on = ~off
     state = {name: values[wind_on] for name, values in points.items()}
     loads = {name: values[wind_on] for name, values in corrected.items()}
@@ -214,13 +223,14 @@ def _nuisance_column(data: xr.Dataset, term: str, S: float) -> np.ndarray:
 
 
 def _subtract_tare(
-    measured: _Columns, points: _Columns, off: np.ndarray
+    measured: _Columns, points: _Columns, off: np.ndarray, *, moves: bool
 ) -> tuple[dict[str, np.ndarray], dict[tuple[str, int], np.ndarray]]:
     """Return loads without tare, and their changes for one standard error of each tare part."""
     if not off.any():
         return dict(measured), {}
     # Least squares of the wind-off points: the tare over the attitude.
     A = _tare_regressors(points["alpha"], off)
+    _warn_of_tare(points["alpha"], off, has_weight=A.shape[1] > 1 or not moves)
     inverse = np.linalg.inv(A[off].T @ A[off])
     freedom = max(1, int(off.sum()) - A.shape[1])
     corrected: dict[str, np.ndarray] = {}
@@ -235,6 +245,29 @@ def _subtract_tare(
             if column.any():
                 changes[name, k + 1] = -A @ column
     return corrected, changes
+
+
+def _warn_of_tare(alpha: np.ndarray, off: np.ndarray, *, has_weight: bool) -> None:
+    """Warn of a tare without a known scatter, or of other attitudes than those of the wind-on."""
+    if off.sum() == 1:
+        warnings.warn(
+            "tare: one point with the wind off has no scatter, so the coefficients have no standard "
+            "error of the tare; record it twice or more, or state the errors of the loads",
+            AeromatchWarning,
+            stacklevel=4,
+        )
+    low, high = alpha[off].min(), alpha[off].max()
+    beyond = max(low - alpha[~off].min(), alpha[~off].max() - high)
+    # The weight of a model that turns with its balance turns in the axes of the balance.
+    if not has_weight and beyond > _TARE_MARGIN:
+        warnings.warn(
+            f"tare: the points with the wind off have alpha {low / DEGREE:.3g} ... "
+            f"{high / DEGREE:.3g} deg, those with the wind on go {beyond / DEGREE:.3g} deg beyond: "
+            f"the weight of the model is not known there; record the tare at all attitudes, or "
+            f"state 'moves = false' in [balance] if the balance does not turn",
+            AeromatchWarning,
+            stacklevel=4,
+        )
 
 
 def _tare_regressors(alpha: np.ndarray, off: np.ndarray) -> np.ndarray:

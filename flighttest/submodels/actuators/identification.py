@@ -311,7 +311,11 @@ def _fit_limits(
     limited = _fit_reached_limits(records, structure, start)
     if limited is None:
         return free, structure, []
-    samples = sum(int(np.isfinite(log["position"].values).sum()) for log in records)
+    # every reading of the likelihood counts, position and rate
+    samples = 0
+    for log in records:
+        for name in {"position", "rate"} & set(log):
+            samples += int(np.isfinite(log[name].values).sum())
 
     def bic(fit: OutputError, model: Structure) -> float:
         return 2.0 * float(fit.estimates.attrs["cost"]) + len(model.parameters) * np.log(samples)

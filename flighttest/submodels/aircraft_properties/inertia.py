@@ -188,9 +188,8 @@ def inertia_from_flight(
     parts = [_prepare_states(states, aircraft, cutoff) for states in manoeuvres]
     equations = [_regress_rate(rate, parts, aircraft=aircraft, models=models) for rate in _PRODUCTS]
     k = np.concatenate([equation.estimate for equation in equations])
-    # The equations have independent residuals.
-    C = np.asarray(block_diag(*(equation.covariance for equation in equations)))
-    white = np.asarray(block_diag(*(equation.white for equation in equations)))
+    C = _join_covariances(equations, [equation.covariance for equation in equations])
+    white = _join_covariances(equations, [equation.white for equation in equations])
     I, J = _solve_ratios(k, C, aircraft=aircraft, scale=scale)
     products = least_squares.regression_estimates(
         _NAMES,
@@ -205,8 +204,40 @@ def inertia_from_flight(
 
 
 @dataclass(frozen=True)
+class _Regressed:
+    """Coefficients of the rate products of one equation, with covariances for coloured and for
+    white residuals, and the residuals (sample,).
+    """
+
+    estimate: np.ndarray
+    covariance: np.ndarray
+    white: np.ndarray
+    residual: np.ndarray
+
+
+def _join_covariances(
+    equations: Sequence[_Regressed], covariances: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Return the covariance of the coefficients of all equations.
+
+    The product of inertia brings the errors of L and N into p' and r'.  Both have the same
+    regressors, so with white residuals their covariance is that of one equation times the ratio of
+    the residual moments.  With L the root of a covariance, L_p L_r' times the correlation of the
+    residuals equals that, and stays positive definite with other ones.
+    """
+    joined = np.asarray(block_diag(*covariances))
+    roll, _, yaw = equations
+    correlation = float(roll.residual @ yaw.residual)
+    correlation /= float(np.linalg.norm(roll.residual) * np.linalg.norm(yaw.residual))
+    root_p, root_r = np.linalg.cholesky(covariances[0]), np.linalg.cholesky(covariances[2])
+    joined[:2, -2:] = correlation * root_p @ root_r.T
+    joined[-2:, :2] = joined[:2, -2:].T
+    return joined
+
+
+@dataclass(frozen=True)
 class _Coefficients:
-    """Coefficients of rate products, with covariances for coloured and for white residuals."""
+    """Coefficients of all rate products, with covariances for coloured and for white residuals."""
 
     estimate: np.ndarray
     covariance: np.ndarray
@@ -239,7 +270,7 @@ def _regress_rate(
     parts: Sequence[xr.Dataset],
     aircraft: Aircraft,
     models: Mapping[str, RegressionModel],
-) -> _Coefficients:
+) -> _Regressed:
     """Regress an angular acceleration on rate products and qbar times aerodynamic regressors."""
     # Each term and each variable once, in the order of the models.
     terms: dict[str, None] = {}
@@ -269,7 +300,7 @@ def _regress_rate(
     A = least_squares.estimator_matrix(X)
     white = A @ A.T * float(v @ v) / (len(z) - len(theta))
     n = len(products)
-    return _Coefficients(theta[:n], C[:n, :n], white[:n, :n])
+    return _Regressed(theta[:n], C[:n, :n], white[:n, :n], v)
 
 
 def _product_coefficients(I: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from scipy.optimize import minimize_scalar, nnls
 from scipy.signal import lfilter
 
 from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
-from flightmech.terms import basis, make_term
+from flightmech.terms import SOURCES, basis, make_term
 from flighttest.records.signals.delays import lag_weights
 
 # Rate to which records are reduced; thrust contains no higher frequencies. [Hz]
@@ -35,6 +35,11 @@ _TAU = (0.2, 8.0)
 _END = 0.02
 # Smallest range of the throttle in one of the runs.
 _LEAST_MOVE = 0.1
+# Settled samples about a node from which on it is one of the flights.
+_SEEN = 1.0
+# Distance beyond the breakpoints, as a share of their range, that is not remarked, and the share of
+# samples farther out that is.
+_BEYOND, _MOST_BEYOND = 0.05, 0.01
 # Largest number of evaluations of the search of the time constant.
 _EVALUATIONS = 500
 # The throttle is settled if it moved by less than this range during this time. [s, 1]
@@ -98,6 +103,8 @@ def fit_thrust(
     Warns
     -----
     AeromatchWarning
+        Samples lie beyond the breakpoints of an axis, where the end of the table holds.
+    AeromatchWarning
         The time constant lies at an end of the search: it is at most 0.2 s, or at least 8 s, and
         not measured. Or its search did not converge.
 
@@ -113,6 +120,8 @@ def fit_thrust(
             f"the throttle moves by less than {_LEAST_MOVE:g} in all runs; add a run with a power "
             f"change"
         )
+    for text in _axis_warnings(runs, axes):
+        warnings.warn(text, AeromatchWarning, stacklevel=2)
     template = make_term(np.zeros([len(points) for points in axes.values()]), axes)
     designs = [basis(template, run.conditions, outside="clamp").toarray() for run in runs]
     is_settled = [_is_settled(run.conditions["throttle"], run.step) for run in runs]
@@ -138,13 +147,41 @@ def fit_thrust(
     for text in _search_warnings(best):
         warnings.warn(text, AeromatchWarning, stacklevel=2)
     return ThrustFit(
-        leaf=make_term(nodes.reshape(template["value"].shape), axes, source="flight"),
+        leaf=_with_sources(template, nodes, seen=design[settled].sum(axis=0)),
         time_constant=float(np.exp(best.x)),
         rms_settled=float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2))),
         rms=float(best.fun),
         span=float(np.ptp(target)),
         converged=bool(best.success),
     )
+
+
+def _with_sources(template: xr.Dataset, nodes: np.ndarray, seen: np.ndarray) -> xr.Dataset:
+    """Return the table; nodes without the weight of a settled sample are extrapolated, not flown.
+
+    `nodes` [N] and `seen`, the sum of the weights of the settled samples, are (node,).
+    """
+    shape, dims = template["value"].shape, template["value"].dims
+    axes = {str(dim): template[dim].values for dim in dims}
+    leaf = make_term(nodes.reshape(shape), axes, source="flight")
+    words = np.where(seen.reshape(shape) >= _SEEN, "flight", "judgement")
+    source = np.vectorize(SOURCES.index, otypes=[np.uint8])(words)
+    return leaf.assign(source=(dims, source, leaf["source"].attrs))
+
+
+def _axis_warnings(runs: Sequence[_Run], axes: Mapping[str, Sequence[float]]) -> Iterator[str]:
+    """Yield warnings on samples beyond the breakpoints of the axes."""
+    for name, points in axes.items():
+        values = np.concatenate([run.conditions[name] for run in runs])
+        low, high = min(points), max(points)
+        margin = _BEYOND * (high - low)
+        share = float(np.mean((values < low - margin) | (values > high + margin)))
+        if share > _MOST_BEYOND:
+            yield (
+                f"thrust table: {name} of the records is {values.min():.4g} ... {values.max():.4g}, "
+                f"its breakpoints are {low:.4g} ... {high:.4g}: {100.0 * share:.3g} % of the "
+                f"samples count at the ends; extend the breakpoints, or leave the runs out"
+            )
 
 
 class _Run(NamedTuple):

@@ -216,13 +216,16 @@ def correct_deck(
     estimated = Polar(*map(float, theta[count:]), *map(float, stderr[count:])) if polar else None
     if equilibrium is not None:
         remarks += _separability_remarks(blocks["equilibrium"][0], sigma, C=C, count=count)
+    determined = stderr[:count] < 0.9 * sigma[:count]
     return DeckCorrection(
-        leaf=_scaled_table(prior, axis, factor=theta[:count], stderr=stderr[:count]),
+        leaf=_scaled_table(
+            prior, axis, factor=theta[:count], stderr=stderr[:count], determined=determined
+        ),
         speeds=speeds,
         factor=theta[:count],
         stderr=stderr[:count],
         covariance=C[:count, :count],
-        determined=stderr[:count] < 0.9 * sigma[:count],
+        determined=determined,
         polar=estimated,
         residuals=dict(zip(blocks, residuals)),
         remarks=tuple(remarks),
@@ -310,16 +313,25 @@ def _separability_remarks(X: np.ndarray, sigma: np.ndarray, C: np.ndarray, count
 
 
 def _scaled_table(
-    prior: xr.Dataset, axis: str, factor: np.ndarray, stderr: np.ndarray
+    prior: xr.Dataset,
+    axis: str,
+    factor: np.ndarray,
+    stderr: np.ndarray,
+    determined: np.ndarray,
 ) -> xr.Dataset:
-    """Return the a-priori table times the factors."""
+    """Return the a-priori table times the factors; nodes without flight keep their source."""
     factors = xr.DataArray(factor, {axis: prior[axis]}, axis)
     errors = xr.DataArray(stderr, {axis: prior[axis]}, axis)
     dims = prior["value"].dims
     leaf = prior.drop_vars(["stderr", "source"], errors="ignore").copy()
     leaf["value"] = (prior["value"] * factors).transpose(*dims)
     leaf["stderr"] = (abs(prior["value"]) * errors).transpose(*dims)
-    leaf["source"] = dims, np.full(leaf["value"].shape, SOURCES.index("flight"), np.uint8)
+    source = xr.full_like(prior["value"], SOURCES.index("judgement"), np.uint8)
+    if "source" in prior:
+        source = prior["source"]
+    is_flown = xr.DataArray(determined, {axis: prior[axis]}, axis)
+    source = xr.where(is_flown, SOURCES.index("flight"), source).transpose(*dims)
+    leaf["source"] = dims, source.values.astype(np.uint8)
     leaf["source"].attrs = dict(SOURCE_ATTRS)
     leaf.attrs = {
         **prior.attrs,

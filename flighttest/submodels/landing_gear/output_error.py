@@ -29,7 +29,11 @@ from flighttest.maximum_likelihood.result import OutputError, estimates_dataset,
 from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, MOVING
-from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, states_of
+from flighttest.submodels.landing_gear.reconstructed_loads import (
+    TOUCHING,
+    brake_pedals,
+    states_of,
+)
 from flighttest.submodels.landing_gear.regression import LoadFit
 from flighttest.submodels.landing_gear.wheel_positions import (
     WheelGroup,
@@ -175,8 +179,7 @@ def _inputs(
         if name in states and name in sim.inputs:
             inputs[name] = state_column(states, name)
     inputs |= {"gear": np.ones(len(time)), "wind_n": wind[0], "wind_e": wind[1]}
-    for name in ("brake_left", "brake_right"):
-        inputs[name] = np.clip(state_column(states, name, 0.0), 0.0, 1.0)
+    inputs["brake_left"], inputs["brake_right"] = brake_pedals(states)
     for name in sim.inputs:
         if name.endswith(".thrust_drive"):
             inputs[name] = thrust * state_column(states, name.removesuffix("_drive"))

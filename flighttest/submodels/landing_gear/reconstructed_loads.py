@@ -92,7 +92,8 @@ def wheel_loads(
     path : Path or Dataset (time,)
         A reconstruction, or its states: ``phi theta psi p q r ax ay az vn ve vd`` at the c.g.,
         ``rho``, ``engineN.thrust``, ``gear.<wheel>.compression``; ``gear.steering``, or else
-        ``delta_nw``, as angle of the nose wheel; ``brake_left``, ``brake_right`` if recorded. [SI]
+        ``delta_nw``, as angle of the nose wheel; ``brake_left``, ``brake_right``, or ``brake`` of
+        both, if recorded. [SI]
     aircraft : Aircraft
         Mass, inertia, engines and positions of the wheels. The constants of its gear are not used.
     database : DataTree, optional
@@ -353,10 +354,22 @@ def _rates(
     return rate
 
 
+def brake_pedals(states: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Return the left and right brake pedals (time,), 0 to 1.
+
+    One recorded ``brake`` is that of each side without its own; without any they are free.
+    """
+    both = state_column(states, "brake", 0.0)
+    pedals = []
+    for name in ("brake_left", "brake_right"):
+        pedal = state_column(states, name) if name in states else both
+        pedals.append(np.clip(pedal, 0.0, 1.0))
+    return pedals[0], pedals[1]
+
+
 def _pedal(data: xr.Dataset, y: float) -> np.ndarray:
     """Return the brake pedal (time,) of a wheel at the lateral position y, 0 to 1."""
-    left = np.clip(state_column(data, "brake_left", 0.0), 0.0, 1.0)
-    right = np.clip(state_column(data, "brake_right", 0.0), 0.0, 1.0)
+    left, right = brake_pedals(data)
     if y < 0.0:
         return left
     if y > 0.0:

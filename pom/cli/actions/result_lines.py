@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -22,7 +21,7 @@ from pom.result_notices import (
     trim_remarks,
     unprobed_text,
 )
-from pom.status import status_text
+from pom.status import ratio_shows_verdict, status_text
 
 NOTICE_INDENT = " " * 8
 
@@ -136,8 +135,8 @@ def _verdict_text(result: PomResult, run: str) -> str:
     text = status_text(status)
     if not row:
         return text
-    if not math.isfinite(row["worst_ratio"]):
-        # a row without a number has a reason; a model that failed fails in all rows
+    if not ratio_shows_verdict(row):
+        # a row without a number that decides has a reason; a failed model fails in all rows
         is_failure = any(remark.kind == "failure" for remark in row["remarks"])
         subject = "" if is_failure else f"{row['criterion']}: "
         return f"{text}  {subject}{reason_text(row['remarks'])}"

@@ -90,7 +90,8 @@ def judge_mode(criterion: Criterion, match: Comparison) -> Judgement:
     outcome = judge_number(criterion, value, model_value, at=float(t[0]), remarks=remarks)
     # A period has no stability. Opposite signs of sigma: one amplitude grows, the other decays.
     if criterion.measure != "period" and flight_mode.sigma * model_mode.sigma < 0.0:
-        remarks = (*remarks, RowRemark("stability", "stability differs"))
+        # the first remark is the reason of the failure
+        remarks = (RowRemark("stability", "stability differs"), *remarks)
         return replace(outcome, verdict="fail", remarks=remarks)
     return outcome
 

@@ -19,6 +19,7 @@ from pom.tolerances.bands import (
     Judgement,
     NotJudged,
     RowRemark,
+    applied_tolerance,
     demand_finite,
     half_width,
     inside_window,
@@ -57,8 +58,13 @@ def judge_engine_response(criterion: Criterion, match: Comparison) -> Judgement:
     else:
         flight_level = model_level = 0.1 * flight[0]
         text = "90 % decay of the start level of the flight"
-    flight_time = _time_to_level(WHO[0], time, flight, level=float(flight_level))
-    model_time = _time_to_level(WHO[1], time, model, level=float(model_level))
+    flight_time = _time_to_level(time, flight, level=float(flight_level))
+    if flight_time is None:
+        raise Invalid(f"{WHO[0]} does not reach the level in the window")
+    model_time = _time_to_level(time, model, level=float(model_level))
+    turns_back = (_end_level(time, model) - model[0]) * (flight_end - flight[0]) <= 0.0
+    if model_time is None or turns_back:
+        return _miss_level(criterion, time, flight_time, moves=not turns_back)
     values = RowRemark(
         "values",
         f"flight {flight_time:.2f} s, model {model_time:.2f} s",
@@ -99,13 +105,33 @@ def _end_level(time: np.ndarray, y: np.ndarray) -> float:
     return float(y[time >= time[-1] - LEVEL].mean())
 
 
-def _time_to_level(who: str, time: np.ndarray, y: np.ndarray, *, level: float) -> float:
-    """Return the time from the first sample to the first passage of a level. [s]"""
-    direction = 1 if y[0] < level else -1
-    reached = crossing_time(time, y, level, direction=direction)
-    if reached is None:
-        raise Invalid(f"{who} does not reach the level in the window")
-    return reached - float(time[0])
+def _time_to_level(time: np.ndarray, y: np.ndarray, *, level: float) -> float | None:
+    """Return the time from the first sample to the first passage of a level; None if none. [s]"""
+    reached = crossing_time(time, y, level, direction=1 if y[0] < level else -1)
+    return None if reached is None else reached - float(time[0])
+
+
+def _miss_level(
+    criterion: Criterion, time: np.ndarray, flight_time: float, *, moves: bool
+) -> Judgement:
+    """Return the failure of a model that misses the level; Invalid if it may still reach it."""
+    width = float(half_width(criterion, flight_time)[0])
+    lasts = float(time[-1] - time[0])
+    text = f"{WHO[1]} does not follow the engine of the flight: it does not move its way"
+    if moves:
+        text = f"{WHO[1]} does not reach the level in {lasts:.2f} s"
+        if lasts < flight_time + width:
+            raise Invalid(
+                f"{text}, and the tolerance ends at {flight_time + width:.2f} s; extend the window"
+            )
+    return Judgement(
+        "fail",
+        width=width,
+        at=float(time[0]),
+        remarks=(RowRemark("no_level", text, criterion.measure),),
+        flight=flight_time,
+        applied=applied_tolerance(criterion, np.array([width]), flight_time),
+    )
 
 
 def event_value(criterion: Criterion, match: Comparison) -> Judgement:

@@ -7,7 +7,11 @@ from scipy.signal import lfilter
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
+from flighttest.submodels.aircraft_properties.inertia import (
+    _join_covariances,
+    _Regressed,
+    inertia_from_flight,
+)
 
 TRUE = {"Ixx": 11000.0, "Iyy": 8000.0, "Izz": 15000.0, "Ixz": 900.0}
 MODELS = {
@@ -153,3 +157,18 @@ def test_what_is_missing_is_named():
         inertia_from_flight(flown().drop_vars("p_dot"), aircraft(), MODELS)
     with pytest.raises(IdentificationError, match="equation of p_dot: pq, qr are zero throughout"):
         inertia_from_flight(flown().assign(q=lambda d: 0.0 * d["q"]), aircraft(), MODELS)
+
+
+def test_the_roll_and_yaw_equations_share_their_errors():
+    """The same regressors: the covariance of the coefficients is the residual moment times M."""
+    M = np.array([[2.0, 0.5], [0.5, 1.0]])
+    # unit residuals with a correlation of 0.6
+    roll, yaw = np.array([1.0, 0.0]), np.array([0.6, 0.8])
+    parts = []
+    for size, residual in ((3.0, roll), (1.0, roll), (2.0, yaw)):
+        parts.append(_Regressed(np.zeros(2), size**2 * M, size**2 * M, size * residual))
+    joined = _join_covariances(parts, [part.covariance for part in parts])
+    np.testing.assert_allclose(joined[:2, 4:], 3.0 * 2.0 * 0.6 * M)
+    np.testing.assert_allclose(joined, joined.T)
+    np.testing.assert_array_equal(joined[2:4, 4:], 0.0)
+    assert np.linalg.eigvalsh(joined).min() > 0.0

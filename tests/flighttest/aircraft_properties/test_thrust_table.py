@@ -41,6 +41,18 @@ def test_table_and_lag_are_recovered():
     assert set(np.unique(fit.leaf["source"])) == {1}
 
 
+def test_nodes_without_samples_are_not_from_flight_and_ends_that_hold_are_named():
+    wide = {"throttle": [0.0, 0.5, 1.0], "mach": [0.0, 0.4, 0.8]}
+    leaf = flighttest.aircraft_properties.fit_thrust([run(0)], wide).leaf
+    # 1 is flight, 2 judgement: the records end at a Mach number of 0.35
+    assert leaf["source"].values.tolist() == [[1, 1, 2]] * 3
+    narrow = {"throttle": [0.0, 0.5, 1.0], "mach": [0.0, 0.2]}
+    with pytest.warns(
+        AeromatchWarning, match="mach of the records is .* breakpoints are 0 ... 0.2"
+    ):
+        flighttest.aircraft_properties.fit_thrust([run(0)], narrow)
+
+
 def test_engines_that_share_a_table_are_averaged():
     data = run(0)
     data["engine2.throttle"], data["engine2.thrust"] = (

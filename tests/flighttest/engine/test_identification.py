@@ -208,6 +208,8 @@ def test_deck_is_corrected_by_recorded_thrust_and_by_equilibrium(what):
             abs(factor - truth) < 4.0 * stderr if known else factor == pytest.approx(1.0, abs=0.1)
         )
     assert found.determined.tolist() == [False, True, True, True, True]
+    # a breakpoint without points is not from flight: 2 is judgement, 1 is flight
+    assert found.leaf["source"].values.tolist() == [[2] * 3, *[[1] * 3] * 4]
     assert found.leaf["value"].sel(corrected_n1=1.0, mach=0.3) == pytest.approx(
         9000.0 * found.factor[3]
     )

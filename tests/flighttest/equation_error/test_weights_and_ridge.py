@@ -71,6 +71,27 @@ def test_spikes_lose_their_weight():
     assert (np.abs(robust - clean) < 0.2 * np.abs(plain - clean)).all()
 
 
+def test_standard_errors_of_huber_weights_are_those_of_his_estimate():
+    """Gaussian noise: 1/0.95 of the variance of equal weights [Huber1981].  With spikes in a tenth
+    of the samples the clipped residuals count, not the weighted ones.
+    """
+    rng = np.random.default_rng(3)
+    noise = rng.standard_normal(100_000)
+    assert np.var(least_squares.huber_pseudo_residuals(noise)) == pytest.approx(1.0526, abs=0.02)
+    spiked = np.where(rng.random(100_000) < 0.1, 20.0 * noise, noise)
+    # E psi^2 / (E psi')^2 of the mixture
+    limit = 1.345 * 1.4826 * np.median(np.abs(spiked))
+    inside = np.mean(np.abs(spiked) <= limit)
+    expected = np.mean(np.minimum(spiked**2, limit**2)) / inside**2
+    assert 1.2 < expected < 1.7
+    assert np.var(least_squares.huber_pseudo_residuals(spiked)) == pytest.approx(expected, rel=0.01)
+    data = record(rng)
+    data["CL"] = data["CL"] + 0.3 * rng.standard_normal(1500)
+    plain, robust = (regress(LIFT, data, weights=kind).estimates for kind in ("equal", "robust"))
+    ratio = robust["stderr_white"].values / plain["stderr_white"].values
+    np.testing.assert_allclose(ratio, 1.026, atol=0.03)
+
+
 def convergence_remarks(fit):
     return [remark for remark in fit.remarks if remark.kind == "convergence"]
 

@@ -4,10 +4,12 @@ and bad records by name.
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from click.testing import CliRunner
 from glider_flight import LOADING, NAMES, PLAN, write_glider_flight
 
@@ -21,12 +23,17 @@ from flighttest.flight_programme.evaluation.figures_of_merit import (
     line_through,
 )
 from flighttest.flight_programme.evaluation.flight_evaluation import evaluate_flight
-from flighttest.flight_programme.evaluation.mass_and_thrust import deck_thrust, mass_after_burn
+from flighttest.flight_programme.evaluation.mass_and_thrust import (
+    deck_thrust,
+    mass_after_burn,
+    thrust_remarks,
+)
 from flighttest.flight_programme.evaluation.plan import (
     Bound,
     EvaluationPlan,
     SheetColumn,
     StraightLine,
+    ThrustPoints,
     read_plan,
     read_sheet,
 )
@@ -173,7 +180,6 @@ def test_mass_and_centre_of_gravity_by_hand(folder):
 
 def test_thrust_of_deck_points(tmp_path):
     from flightmech.air import P_SEA, T_SEA, atmosphere
-    from flighttest.flight_programme.evaluation.plan import ThrustPoints
 
     rng = np.random.default_rng(0)
     h, mach, flow = (
@@ -200,6 +206,25 @@ def test_thrust_of_deck_points(tmp_path):
         IdentificationError, match=r"reproduce the points within .* N only; check its units"
     ):
         deck_thrust(deck, h, mach, np.asarray(air.temperature), flow)
+
+
+def test_thrust_beyond_the_points_of_the_deck_is_remarked(tmp_path):
+    columns = {"h": [0.0, 3000.0], "mach": [0.2, 0.4], "delta_T": [0.0, 0.0]}
+    columns |= {"fuel_flow": [0.05, 0.04], "thrust": [2e3, 2e3]}
+    pd.DataFrame(columns).to_csv(tmp_path / "deck.csv", index=False)
+    deck = ThrustPoints(
+        file=tmp_path / "deck.csv", **{name: SheetColumn(column=name) for name in columns}
+    )
+    time = np.arange(100.0)
+    channels = {"engine1.fuel_flow": 0.05 + 0.0 * time, "h_baro": 0.0 * time}
+    channels |= {"mach": np.where(time < 50.0, 0.3, 0.6), "temperature": 288.15 + 0.0 * time}
+    variables = {name: ("time", values) for name, values in channels.items()}
+    record = xr.DataTree.from_dict({"all": xr.Dataset(variables, {"time": time})})
+    aircraft = SimpleNamespace(engines=("left",))
+    assert thrust_remarks(record, aircraft, deck, [(10.0, 40.0)]) == []
+    (remark,) = thrust_remarks(record, aircraft, deck, [(10.0, 19.0), (60.0, 69.0)])
+    assert (remark.term, remark.value) == ("engine1.thrust", 0.5)
+    assert "Mach number is 0.3 ... 0.6, the points of deck.csv have 0.2 ... 0.4" in remark.text
 
 
 def test_line_through_points_by_hand():
@@ -239,9 +264,11 @@ def test_the_mean_heading_of_a_point_is_within_the_turn(degrees, expected):
 def test_a_figure_without_a_number_is_not_determined():
     bound = Bound(of="delay.theta", low=-0.02, high=0.02, source="our limit")
     plan = EvaluationPlan(title="t", record="r.csv", aircraft="a.toml", bound=[bound])
-    cases = ((0.01, "inside"), (0.03, "outside"), (np.nan, "not determined"))
-    for value, verdict in cases:
-        figures = {"delay.theta": FigureOfMerit(value, 0.001, "s")}
+    cases = [(0.01, 0.001, "inside"), (0.03, 0.001, "outside"), (np.nan, 0.001, "not determined")]
+    # its error is larger than the distance between the bounds
+    cases += [(0.01, 0.05, "not determined"), (0.03, 0.05, "outside"), (0.01, np.nan, "inside")]
+    for value, error, verdict in cases:
+        figures = {"delay.theta": FigureOfMerit(value, error, "s")}
         assert list(judge_bounds(plan, figures)["verdict"]) == [verdict]
 
 

@@ -22,7 +22,7 @@ from flighttest.remarks import is_forbidden
 from flighttest.submodels.landing_gear import explicit
 from flighttest.submodels.landing_gear.explicit import GroundRun, brush_side_force
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
-from flighttest.submodels.landing_gear.reconstructed_loads import wheel_loads
+from flighttest.submodels.landing_gear.reconstructed_loads import brake_pedals, wheel_loads
 from flighttest.submodels.landing_gear.regression import known_constants
 
 STEP, MASS = 0.02, 2100.0
@@ -183,6 +183,16 @@ def test_loads_carry_the_aircraft_and_are_those_of_the_kernel(records, database)
     assert (
         np.sqrt(np.mean((N - K * s - c * rate) ** 2)) < 47.0
     )  # 0.5 %: a leg that leans takes a part of the brake force
+
+
+def test_one_recorded_brake_is_that_of_both_sides():
+    """Without it the deceleration of the brakes would be that of rolling friction."""
+    record = xr.Dataset({"brake": ("time", [0.0, 0.5, 1.2])}, {"time": [0.0, 1.0, 2.0]})
+    for pedal in brake_pedals(record):
+        assert list(pedal) == [0.0, 0.5, 1.0]
+    left, right = brake_pedals(record.assign(brake_left=("time", [0.0, 0.1, 0.2])))
+    assert (list(left), list(right)) == ([0.0, 0.1, 0.2], [0.0, 0.5, 1.0])
+    assert not np.any(brake_pedals(record.drop_vars("brake")))
 
 
 def test_slopes_of_the_balances_are_those_of_the_whole_prediction(records, database):

@@ -97,6 +97,22 @@ def test_figures_of_windows():
     assert "R2" not in figures_of([PredictedChannel("q", "1", np.ones(5), np.ones(5))])
 
 
+def test_a_run_that_diverges_has_no_figures(motion, monkeypatch):
+    """The samples before the overflow would give the figures of a good model."""
+    record = short_period(3)
+    found = predict_motion(motion, record)
+    predicted = found.predicted.copy(deep=True)
+    predicted["q"][-5:] = np.inf
+    lost = found._replace(predicted=predicted)
+    monkeypatch.setattr(
+        "flighttest.maximum_likelihood.validating.predicted_channels.predict_motion",
+        lambda model, data: lost,
+    )
+    board = validate_models({"model": motion}, [ValidationWindow("other", record)])
+    (row,) = board.rows.to_dict("records")
+    assert "no figure: the run diverges: q has no value in 5 of" in row["remarks"]
+
+
 def test_a_window_of_the_fit_validates_nothing():
     """It has a remark, and is not in the figure of the model; neither is what cannot be
     predicted.

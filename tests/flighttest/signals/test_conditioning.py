@@ -78,6 +78,20 @@ def test_controls_do_not_overshoot_and_others_are_smooth():
     np.testing.assert_allclose(resample(t, np.sin(t), fine, "theta"), np.sin(fine), atol=1e-5)
 
 
+def test_a_switch_keeps_its_states_on_any_grid():
+    t = np.arange(0, 10, 0.1)
+    cut_off = np.where(t < 5.05, 0.0, 1.0)
+    for name in ("engine1.cutoff", "engine2.starter", "stall_warning", "tank.left.cutoff"):
+        for step in (0.01, 0.37, 1.0):
+            grid = np.arange(0.003, 9.9, step)  # no point halfway between two samples
+            got = resample_to_grid(t, cut_off, grid, name)
+            np.testing.assert_array_equal(got, np.where(grid < 5.05, 0.0, 1.0), name)
+    # levers are controls, which do not overshoot
+    fine = np.arange(0, 9.9, 0.01)
+    for name in ("engine1.mixture", "engine1.prop_command", "tiller", "i_h"):
+        assert resample(t, cut_off, fine, name).max() == 1.0
+
+
 def test_what_counts_as_a_control():
     assert [
         is_control(n)

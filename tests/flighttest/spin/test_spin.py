@@ -3,6 +3,7 @@ the kernel makes of them.
 """
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import xarray as xr
 
 import aerodb
 import flightmech
+from flightmech.aircraft.fuel import Fuel, Tank
 from flightmech.errors import (
     IdentificationError,
     ParseError,
@@ -26,6 +28,9 @@ from flighttest.special_tests.spin.polynomial_models import (
     read_polynomials,
 )
 from flighttest.special_tests.spin.rotation_rates import (
+    _turn_aircraft,
+    _turn_back,
+    _turn_record,
     nominal_variables,
     spin_variables,
     wind_axis_rates,
@@ -402,3 +407,24 @@ def test_a_median_needs_three_runs():
 
     with pytest.raises(IdentificationError, match="2 runs"):
         joined([{}, {}], {}, {})
+
+
+def test_the_centre_of_gravity_turns_with_the_axes(cz150):
+    """Recorded, of the tanks, and of the path: turned and back, each is its own again."""
+    tank = Tank(name="left", position=(0.1, -0.4, 0.3), capacity=2.0, content=1.0)
+    aircraft = replace(cz150, cg=(0.05, 0.01, 0.02), fuel=Fuel(1.0, tanks=(tank,)))
+    turned = _turn_aircraft(aircraft, {})
+    assert turned.cg == (-0.02, 0.01, 0.05)
+    assert turned.fuel.tanks[0].position == pytest.approx((-0.3, -0.4, 0.1))
+    time = np.arange(3.0)
+    variables = {"x_cg_b": ("time", 0.05 + 0.0 * time), "z_cg_b": ("time", 0.02 + 0.0 * time)}
+    record = xr.DataTree.from_dict({"loading": xr.Dataset(variables, {"time": time})})
+    found = _turn_record(record)["loading"].to_dataset()
+    assert (float(found["x_cg_b"][0]), float(found["z_cg_b"][0])) == (-0.02, 0.05)
+    states = {name: ("time", 0.0 * time) for name in ("phi", "theta", "psi", "v", "w", "beta")}
+    states |= {name: ("time", 20.0 + 0.0 * time) for name in ("u", "V")}
+    cg = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), turned.cg, strict=True))
+    states |= {name: ("time", value + 0.0 * time) for name, value in cg.items()}
+    states |= {name: ("time", 0.0 * time) for name in ("p", "q", "r")}
+    back = _turn_back(xr.Dataset(states, {"time": time}), aircraft)
+    assert [float(back[name][0]) for name in cg] == pytest.approx(aircraft.cg)

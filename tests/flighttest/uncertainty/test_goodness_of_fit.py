@@ -64,6 +64,8 @@ def test_samples_that_are_missing_are_left_out():
         (SINE, SINE[1:], "one clock"),
         (np.ones(9), np.ones(9) * 2, "do not move"),
         ([np.nan, 1.0], [1.0, 1.0], "1 samples"),
+        (SINE, np.where(TIME > 0.5, np.nan, SINE), "no value at .* measured samples, first at"),
+        (SINE, np.where(TIME > 0.5, np.inf, SINE), "the run diverges or ends early"),
     ],
 )
 def test_refusals(measured, predicted, text):

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 sys.path.insert(0, str(Path(__file__).parents[3] / "examples" / "flapping_vehicle"))
 import tunnel
 
-from flightmech.errors import IdentificationError, SchemaError
+from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError
 from flighttest.cli.group import flight
 from flighttest.records.readers.recording import RecordedTable, Recording
 from flighttest.regression.equation_error.fit_file import open_fit
@@ -23,7 +23,11 @@ from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_stepwise
 from flighttest.special_tests.wind_tunnel.balance import read_setup
 from flighttest.special_tests.wind_tunnel.points import _find_times
-from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
+from flighttest.special_tests.wind_tunnel.reduction import (
+    _warn_of_tare,
+    balance_coefficients,
+    without_nuisance,
+)
 
 WITHIN = 4.0  # standard errors: one estimate in 16 000 is outside by chance
 
@@ -60,6 +64,16 @@ def test_without_noise_the_coefficients_are_those_of_the_simulation(tmp_path, se
         assert found[name].values == pytest.approx(truth, abs=1e-9)
     assert np.abs(found["Cm"].values).max() < 1e-9  # all loads act at the moment reference point
     assert float(found["time"][0]) == 10.0  # points with the wind off are the tare
+
+
+def test_a_tare_without_scatter_or_attitude_is_named():
+    alpha = np.radians([0.0, 0.0, 4.0, 8.0])
+    off = np.array([True, True, False, False])
+    with pytest.warns(AeromatchWarning, match="go 8 deg beyond: the weight of the model"):
+        _warn_of_tare(alpha, off, has_weight=False)
+    _warn_of_tare(alpha, off, has_weight=True)
+    with pytest.warns(AeromatchWarning, match="one point with the wind off has no scatter"):
+        _warn_of_tare(alpha, np.array([True, False, False, False]), has_weight=True)
 
 
 @pytest.mark.slow

@@ -353,10 +353,26 @@ def test_a_deceleration_counts_to_a_90_percent_decay(judged):
     weak = judged(
         "1.f.1", TIME, slam(1.0), slam(1.0, high=0.7), events={"throttle_movement": 10.0}
     )["tt"]
-    assert (weak["verdict"], remarks_text(weak["remarks"])[:40]) == (
-        "invalid",
-        "the model does not reach the level in th",
+    assert (weak["verdict"], remarks_text(weak["remarks"])[:43]) == (
+        "fail",
+        "the model does not reach the level in 50.00",
     )
+
+
+def test_an_engine_that_does_not_follow_fails_and_one_that_may_still_follow_is_invalid(judged):
+    """The flight needs 4.02 s; the window of 4.3 s ends before the tolerance of 10 % does."""
+    events = {"throttle_movement": 10.0}
+    wrong = slam(1.0, high=0.1)
+    row = judged("1.f.1", TIME, slam(1.0), wrong, events=events)["ti"]
+    assert (row["verdict"], row["flight_value"]) == ("fail", pytest.approx(0.105, abs=2e-3))
+    assert "it does not move its way" in remarks_text(row["remarks"])
+    short = TIME[TIME <= 14.3]
+    runs = []
+    for end in (0.9, 0.2):
+        runs.append({"engine1.n1": np.interp(short, [14.0, 14.1], [0.1, end])})
+    row = judged("1.f.1", short, *runs, events=events)["tt"]
+    assert row["verdict"] == "invalid"
+    assert "extend the window" in remarks_text(row["remarks"])
 
 
 def test_editions_differ_in_tt(judged):

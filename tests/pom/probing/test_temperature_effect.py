@@ -13,7 +13,7 @@ from pom.cases.job import ReplayJob
 from pom.judging.air_checks import AIR, SPEED
 from pom.probing import temperature_effect
 from pom.probing.model_probes import with_run_remarks
-from pom.tolerances.bands import RowRemark
+from pom.tolerances.bands import Judgement, RowRemark
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -77,6 +77,16 @@ def test_an_effect_of_a_quarter_of_a_tolerance_is_a_departure(monkeypatch):
     (large,) = weigh(result_with(doubt()), 0.2, monkeypatch)
     assert large.kind == "departure"
     assert "air -25 K off the record moves the answer by" in large.text
+
+
+def test_a_row_that_fails_without_a_ratio_is_a_departure(monkeypatch):
+    def lose_the_mode(*given):
+        return Judgement("fail")
+
+    monkeypatch.setattr(temperature_effect, "judge_criterion", lose_the_mode)
+    (found,) = weigh(result_with(doubt()), 0.0, monkeypatch)
+    assert found.kind == "departure"
+    assert "air -25 K off the record makes rows fail that have no ratio: " in found.text
 
 
 def test_without_doubt_nothing_is_flown(monkeypatch):
