@@ -76,9 +76,9 @@ def _heights_of_one_moment(Cl: xr.DataArray | None) -> str:
     """Return the spoiler heights whose rolling moment is that of the next larger one, if any."""
     if Cl is None or Cl.sizes["delta_s"] < 2:
         return ""
-    others = [name for name in Cl.dims if name != "delta_s"]
-    step = np.abs(Cl.diff("delta_s")).max(others).values
-    size = np.abs(Cl).max(others).values[1:]
+    values = Cl.transpose("delta_s", ...).values.reshape(Cl.sizes["delta_s"], -1)
+    step = np.nanmax(np.abs(np.diff(values, axis=0)), axis=1, initial=0.0)
+    size = np.nanmax(np.abs(values[1:]), axis=1, initial=0.0)
     rows = np.flatnonzero((step == 0.0) & (size > 0.0))
     if not rows.size:
         return ""
