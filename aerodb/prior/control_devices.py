@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from aerodb.prior.increments import at_height, exact_zero, from_zero
+from aerodb.prior.increments import at_height, exact_zero, from_zero, with_mirror_image
 from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
 from flightmech.errors import SchemaError
@@ -56,6 +56,11 @@ def spoiler_effect(given: Source, h_ref: float) -> Effect:
             f"some height the program's chart holds its end; "
             "no height counts as no moment, and small heights are as printed"
         )
+    elif held := _heights_of_one_moment(tables.get("Cl")):
+        warn_user(
+            f"{given.role}: the same Cl is printed for the spoiler heights DS/C {held}: the chart "
+            f"of the program holds its end there; smaller heights are too effective"
+        )
     device = page.attrs.get("device", "spoiler")
     note = f"{device}, wing-body, constant in alpha along stability axes"
     return Effect(
@@ -65,6 +70,20 @@ def spoiler_effect(given: Source, h_ref: float) -> Effect:
         references=given.place("spoiler"),
         comment=note,
     )
+
+
+def _heights_of_one_moment(Cl: xr.DataArray | None) -> str:
+    """Return the spoiler heights whose rolling moment is that of the next larger one, if any."""
+    if Cl is None or Cl.sizes["delta_s"] < 2:
+        return ""
+    values = Cl.transpose("delta_s", ...).values.reshape(Cl.sizes["delta_s"], -1)
+    step = np.nanmax(np.abs(np.diff(values, axis=0)), axis=1, initial=0.0)
+    size = np.nanmax(np.abs(values[1:]), axis=1, initial=0.0)
+    rows = np.flatnonzero((step == 0.0) & (size > 0.0))
+    if not rows.size:
+        return ""
+    heights = Cl["delta_s"].values
+    return f"{heights[rows[0]]:g} to {heights[rows[-1] + 1]:g}"
 
 
 def differential_tail(given: Source, h_ref: float) -> Effect:
@@ -95,12 +114,13 @@ def differential_tail(given: Source, h_ref: float) -> Effect:
     other_coordinates = [name for name in Cl.coords if name not in Cl.dims]
     Cl = Cl.drop_vars(other_coordinates).assign_coords(delta_pair=delta)
     Cl = Cl.rename(delta_pair="delta_d").sortby("delta_d")
+    tables, mirrored = with_mirror_image({"Cl": from_zero(Cl, "delta_d")}, "delta_d", given.role)
     return Effect(
         "differential_tail",
-        {"Cl": from_zero(Cl, "delta_d")},
+        tables,
         zeros={"delta_d": [0.0]},
         references=given.place("asyflp"),
-        comment=note,
+        comment=join_sentences(note, mirrored),
     )
 
 

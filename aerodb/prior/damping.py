@@ -2,7 +2,9 @@
 
 A suspect pitch damping is replaced by the tail's share, which the page itself contains: CMAD over
 the slope of the downwash (`datcom_io.reading.damping`), and by that of the wing from its planform.
-At supersonic speed strips of the planforms take its place.  The standard error is twice that of a
+At supersonic speed strips of the planforms take its place.  A suspect subsonic roll damping is
+replaced by that of lifting-line theory (`datcom_io.reading.attached_flow`), times the lift slope
+over that of attached flow as in the method of the program.  The standard error is twice that of a
 printed one.  Other suspect numbers count as not printed.
 
 CMAD over CLAD is the arm of the tail in chords, and so is D(CM) over D(CL) of an elevator: 0.79 to
@@ -21,6 +23,7 @@ import xarray as xr
 import datcom_io
 from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
+from datcom_io.reading.attached_flow import SUBSONIC, estimate_wing_slopes
 from datcom_io.reading.damping import estimate_supersonic_damping, estimate_tail_share
 from datcom_io.reading.wing_damping import estimate_wing_share
 from datcom_io.reading.wing_scales import scale_by_wing
@@ -65,6 +68,8 @@ def rate_effect(clean: Source, variable: str, coefficients: Sequence[str], h_ref
             share = None
             if variable == "qhat":
                 share = _estimate_pitch_rate(clean, grid, name, h_ref)
+            elif name == "Cl_phat":
+                share = _estimate_roll_rate(clean, grid, h_ref)
             if share is not None:
                 judged[coefficient] = is_suspect & share.notnull()
                 table = table.where(~is_suspect, share)
@@ -127,6 +132,28 @@ def _estimate_pitch_rate(
     return values.broadcast_like(grid[name])
 
 
+def _estimate_roll_rate(clean: Source, grid: xr.Dataset, h_ref: float) -> xr.DataArray | None:
+    """Return CLP of the wing over mach and alpha, None without its planform cards."""
+    if not clean.decks or not clean.has("static"):
+        return None
+    static = clean.grid("static").sel(h=h_ref, method="nearest", drop=True)
+    slope = static["CL_alpha"]
+    if "CL_alpha_flag" in static:
+        slope = slope.where(static["CL_alpha_flag"] != _SUSPECT)
+    slope = slope.reindex(mach=grid["mach"], alpha=grid["alpha"], method="nearest", tolerance=1e-6)
+    # The program multiplies the damping of attached flow by the lift slope over its first value.
+    attached = slope.where(np.abs(slope["alpha"]) <= _LINEAR).median("alpha")
+    ratio = (slope / attached.where(attached > 0.0)).fillna(1.0)
+    damping = []
+    for mach in grid["mach"].values:
+        slopes = None
+        if mach <= SUBSONIC:
+            slopes = estimate_wing_slopes(clean.decks[0], mach)
+        damping.append(np.nan if slopes is None else slopes.roll)
+    values = xr.DataArray(damping, {"mach": grid["mach"].values}, "mach")
+    return (values * ratio).broadcast_like(grid["Cl_phat"]).transpose(*grid["Cl_phat"].dims)
+
+
 def _describe(name: str, printed: xr.DataArray, share: xr.DataArray | None) -> str:
     """Return a sentence on the suspect numbers of a derivative and what takes their place."""
     lowest, highest = float(printed.min()), float(printed.max())
@@ -136,6 +163,12 @@ def _describe(name: str, printed: xr.DataArray, share: xr.DataArray | None) -> s
     text = f"{name} of the print is suspect in sign or size ({values} per radian)"
     if share is None or not bool(share.notnull().any()):
         return f"{text} and is not used; the nearest printed number holds, or the term is absent"
+    if name == "Cl_phat":
+        return (
+            f"{text}; lifting-line theory of the planform, {float(share.min()):.4g} to "
+            f"{float(share.max()):.4g} with the printed lift slope, takes its place with twice the "
+            f"standard error"
+        )
     return (
         f"{text}; the shares of the tail by alpha-dot and downwash and of the wing by its planform "
         f"(at supersonic speed strips of both), "

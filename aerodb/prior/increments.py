@@ -87,6 +87,7 @@ def _grid_at(clean: Source, leaf: str, h_ref: float) -> xr.Dataset:
 
 LONGITUDINAL = ("CL", "CD", "Cm")
 _LATERAL = ("CY", "Cl", "Cn")
+_LIFT_WITHOUT_DEFLECTION = 0.01  # D(CL) of a flap; plain, slotted and Fowler flaps print 0.000
 _DRIFT = (
     "{role}: D(CM) comes from a loop over several flight conditions, and the program carries "
     "something of each condition into the "
@@ -165,6 +166,14 @@ def _derivatives(
 def elevator_effect(given: Source, h_ref: float) -> Effect:
     """Return the effect of ``delta_e`` on CL, CD, Cm."""
     tables, _, note = _flap_tables(given, "tail", "delta_e", h_ref)
+    for table in list(tables.values())[:1]:
+        points = np.degrees(table["delta_e"].values)
+        if points.any() and not points.min() < 0.0 < points.max():
+            warn_user(
+                f"{given.role}: the deflections turn one way only ({points.min():.3g} to "
+                f"{points.max():.3g} deg); the other way the tables hold zero: give deflections of "
+                f"both signs"
+            )
     references = given.place("symflp")
     zeros = {"delta_e": [0.0]}
     return Effect("elevator", tables, zeros=zeros, references=references, comment=note)
@@ -215,12 +224,53 @@ def aileron_effect(given: Source, h_ref: float) -> Effect:
     for coefficient in ("Cl", "Cn"):
         if coefficient in grid:
             tables[coefficient] = from_zero(grid[coefficient], "delta_a")
+    tables, note = with_mirror_image(drop_empty_tables(tables), "delta_a", given.role)
     return Effect(
         "aileron",
-        drop_empty_tables(tables),
+        tables,
         zeros={"delta_a": [0.0]},
         references=given.place("asyflp"),
+        comment=note,
     )
+
+
+def with_mirror_image(
+    tables: dict[str, xr.DataArray], axis: str, role: str
+) -> tuple[dict[str, xr.DataArray], str]:
+    """Return antisymmetric increments for both directions, and a note if one was not printed.
+
+    Left and right exchanged reverse rolling and yawing moment of a symmetric aeroplane. Without the
+    other direction its tables would hold zero.
+
+    Parameters
+    ----------
+    tables : dict of str to DataArray
+        Cl and Cn over `axis`, zero at zero.
+    axis : str
+        ``delta_a`` or ``delta_d``. [rad]
+    role : str
+        Of the listing, for the message.
+
+    Warns
+    -----
+    AeromatchWarning
+        All deflections have one sign.
+    """
+    both, note = {}, ""
+    for name, table in tables.items():
+        points = table[axis].values
+        if points.min() < 0.0 < points.max() or not points.any():
+            both[name] = table
+            continue
+        image = (-table).assign_coords({axis: -points}).isel({axis: points != 0.0})
+        both[name] = xr.concat([table, image], axis).sortby(axis).transpose(*table.dims)
+        note = (
+            f"the pairs of deflections turn one way only ({axis} {np.degrees(points.min()):.3g} to "
+            f"{np.degrees(points.max()):.3g} deg); the other way is the mirror image"
+        )
+    if note:
+        warn_user(f"{role}: {note}")
+    return both, note
 
 
 def _flap_tables(
@@ -248,6 +298,7 @@ def _flap_tables(
     if "dCDi" in grid and bool(grid["dCDi"].notnull().any()):
         CD, note = CD + grid["dCDi"], ""
     printed = drop_empty_tables({"CL": grid["dCL"], "CD": CD, "Cm": grid["dCm"]})
+    _warn_of_lift_without_deflection(given, printed, axis)
     tables = {name: from_zero(table, axis) for name, table in printed.items()}
     # The slope increment refers to the same run without deflection, which must be there.
     if not np.any(grid[axis].values == 0.0):
@@ -256,6 +307,27 @@ def _flap_tables(
     if not bool(slope.notnull().any()):
         return tables, None, note
     return tables, from_zero(slope, axis), note
+
+
+def _warn_of_lift_without_deflection(
+    given: Source, printed: dict[str, xr.DataArray], axis: str
+) -> None:
+    """Warn of a jet flap, and of a flap with lift at zero deflection, which is subtracted."""
+    CL, lift = printed.get("CL"), 0.0
+    if CL is not None and np.any(CL[axis].values == 0.0):
+        lift = float(np.abs(CL.sel({axis: 0.0})).max())
+    flows = [deck.value("SYMFLP", "CMU") for deck in given.decks if deck.value("SYMFLP", "JETFLP")]
+    if flows:
+        warn_user(
+            f"{given.role}: the jet flap (JETFLP, CMU={flows[0] or 0.0:g}) blows at every "
+            f"deflection, and D(CL) at zero, {lift:.3g}, is subtracted: the increments hold at "
+            f"this CMU alone, and without a zero deflection they hold the lift of the jet"
+        )
+    elif lift > _LIFT_WITHOUT_DEFLECTION:
+        warn_user(
+            f"{given.role}: D(CL) of {lift:.3g} is printed at zero deflection and subtracted from "
+            f"all increments; check the cards of the device"
+        )
 
 
 def at_height(grid: xr.Dataset, h_ref: float) -> xr.Dataset:

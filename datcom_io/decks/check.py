@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 
 from datcom_io.decks import aircraft_rules as aircraft
 from datcom_io.decks import rules_cards as cards
@@ -97,6 +98,7 @@ def _check_run(cases: list[Deck]) -> Iterator[DeckFinding]:
     """Yield findings about the run as a whole."""
     yield from _check_drift(cases)
     yield from _check_damping(cases)
+    yield from _check_units_of_saved(cases)
     if cases and cases[-1].has("SAVE") and cases[-1].has("NEXT"):
         lines = [card.line for card in cases[-1].cards if card.name == "SAVE"]
         yield DeckFinding(
@@ -105,6 +107,20 @@ def _check_run(cases: list[Deck]) -> Iterator[DeckFinding]:
             "SAVE in the last case, before NEXT CASE: the program runs the saved case once "
             "more; take SAVE out",
         )
+
+
+def _check_units_of_saved(cases: list[Deck]) -> Iterator[DeckFinding]:
+    """Yield a DIM card that changes the unit of lengths that SAVE carried on."""
+    for before, case in pairwise(cases):
+        if not before.has("SAVE") or case.dim == before.dim:
+            continue
+        lines = [card.line for card in case.cards if card.name == "DIM"]
+        text = (
+            f"DIM {case.dim} behind SAVE of a case in {before.dim}: every length that is carried "
+            f"on counts in {case.dim} from here on, without a change of its number; write the case "
+            f"without SAVE"
+        )
+        yield DeckFinding(max(lines, default=case.line), WARNING, text)
 
 
 def _check_damping(cases: list[Deck]) -> Iterator[DeckFinding]:

@@ -1,4 +1,4 @@
-"""Rules of devices, bodies and sections that the program runs without a word and gets wrong."""
+"""Rules of devices, wings, bodies and sections that the program gets wrong without a word."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from datcom_io.decks.cards import ERROR, WARNING, DeckFinding
 from datcom_io.decks.deck import Deck
+from datcom_io.decks.planforms import measure_wing
 
 _SECTIONS = ("WGSCHR", "HTSCHR", "VTSCHR", "VFSCHR")
 # Step of the mean line at the nose over the half height of the second station. Sound decks have at
@@ -13,7 +14,9 @@ _SECTIONS = ("WGSCHR", "HTSCHR", "VTSCHR", "VFSCHR")
 _NOSE_STEP = 0.15
 # Thicker than the sections of any wing, and twice 2 pi per radian at Mach 0.85.
 _THICKEST, _STEEPEST = 0.4, 0.42
-_CRANKED = 3.0  # TYPE of WGPLNF
+_DOUBLE_DELTA, _CRANKED = 2.0, 3.0  # TYPE of WGPLNF
+# Aspect ratio from which these types lose lift, and Mach number up to which that was seen.
+_NOT_SLENDER, _SUBSONIC = 3.0, 0.6
 _NEARLY_UNSWEPT = 1.0  # deg
 
 
@@ -100,8 +103,31 @@ def check_unswept_crank(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of("WGPLNF", "SAVSI"), WARNING, text)
 
 
+def check_lift_of_crank(deck: Deck) -> Iterator[DeckFinding]:
+    """Yield a cranked wing whose subsonic lift the program loses.
+
+    Of nine wings with aspect ratios of 4.8 to 8.6 the slope of CL with TYPE=2 or 3 is 0.34 to 0.81
+    of that with TYPE=1, which takes the break as well. Slender wings (1.1 to 1.8) do not lose lift.
+    """
+    kind, wing = deck.value("WGPLNF", "TYPE"), measure_wing(deck)
+    if kind not in (_DOUBLE_DELTA, _CRANKED) or not deck.value("WGPLNF", "SSPNOP"):
+        return
+    if wing is None or wing.aspect_ratio < _NOT_SLENDER:
+        return
+    machs = deck.schedule("FLTCON", "MACH", "NMACH")
+    if machs and min(machs) > _SUBSONIC:
+        return
+    text = (
+        f"$WGPLNF: TYPE={kind:g} with an aspect ratio of {wing.aspect_ratio:.3g}: at subsonic "
+        f"speed the program prints a third to four fifths of the lift slope; TYPE=1.0 takes the "
+        f"break (SSPNOP, CHRDBP) as well and keeps the lift"
+    )
+    yield DeckFinding(deck.line_of("WGPLNF", "TYPE"), WARNING, text)
+
+
 RULES = (
     check_deflections,
+    check_lift_of_crank,
     check_nose_height,
     check_section_numbers,
     check_inlet_units,

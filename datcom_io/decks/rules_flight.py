@@ -190,16 +190,35 @@ def check_loop_lists(deck: Deck) -> Iterator[DeckFinding]:
 
 
 def check_angle_schedule(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield angles of attack that do not rise; the program differentiates along them."""
-    # Slopes are differences between neighbouring angles.
-    alphas = deck.values("FLTCON", "ALSCHD")[: deck.count("FLTCON", "NALPHA") or 0]
+    """Yield angles of attack that do not rise; the program interpolates in their tables."""
+    alphas = deck.schedule("FLTCON", "ALSCHD", "NALPHA")
     for first, second in pairwise(alphas):
         if second <= first:
             text = (
                 f"$FLTCON: the angles of attack do not rise: {first:g} is followed by "
-                f"{second:g}; the slopes need rising ones"
+                f"{second:g}; the program interpolates in them, and slopes, forces and damping "
+                f"are wrong: give rising ones"
             )
             yield DeckFinding(deck.line_of("FLTCON", "ALSCHD"), ERROR, text)
+            return
+
+
+def check_deflection_schedule(deck: Deck) -> Iterator[DeckFinding]:
+    """Yield deflections of a case with TRIM that do not rise.
+
+    The increments at the trim deflection are interpolated: with 10, 0, -10, -20 deg the program
+    prints those of -20 deg at every angle of attack.
+    """
+    if not deck.has("TRIM") or "SYMFLP" not in deck.namelists:
+        return
+    for first, second in pairwise(deck.schedule("SYMFLP", "DELTA", "NDELTA")):
+        if second <= first:
+            text = (
+                f"$SYMFLP with TRIM: the deflections do not rise: {first:g} is followed by "
+                f"{second:g}; the program interpolates in them, and D(CL) and drag at trim are "
+                f"those of one end: give rising ones"
+            )
+            yield DeckFinding(deck.line_of("SYMFLP", "DELTA"), ERROR, text)
             return
 
 
@@ -221,5 +240,6 @@ RULES = (
     check_atmosphere,
     check_loop_lists,
     check_angle_schedule,
+    check_deflection_schedule,
     check_mach_regimes,
 )

@@ -17,6 +17,7 @@ from datcom_io.listing import Case
 from datcom_io.printout.content import ListingMessage
 from datcom_io.printout.layouts.special import HYPERSONIC_FROM
 from datcom_io.printout.tables import PrintedTable
+from datcom_io.reading.attached_flow import flag_attached_flow
 from datcom_io.reading.contradictions import flag_contradictions
 from datcom_io.reading.damping import flag_damping
 from datcom_io.reading.lateral import flag_lateral_derivatives
@@ -24,6 +25,7 @@ from datcom_io.reading.suspects import (
     flag_flap_moments,
     flag_ground_pages,
     flag_missing_angles,
+    flag_order_of_angles,
     flag_power_increments,
     flag_tail_pressure,
 )
@@ -47,6 +49,7 @@ class Observer:
         _report_control_pressure(case)
         _report_weight(case)
         flag_missing_angles(case)
+        flag_order_of_angles(case)
         flag_ground_pages(case)
         _report_flaps_in_ground_effect(case)
         flag_power_increments(case)
@@ -54,6 +57,7 @@ class Observer:
         flag_contradictions(case)
         flag_damping(case)
         flag_lateral_derivatives(case)
+        flag_attached_flow(case)
         _report_stick_force(case)
         _report_lost_flap_moment(case)
         _report_failed_arithmetic(case)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,37 @@ def flag_missing_angles(case: Case) -> None:
         f"NALPHA counts {counted} angles of attack, the input cards give {len(angles)}: "
         f"the program takes the others as 1E-30; {rows} "
         "are flagged suspect; correct NALPHA and run the deck again"
+    )
+    case.messages.append(ListingMessage(lines[0], text, "reader"))
+
+
+def flag_order_of_angles(case: Case) -> None:
+    """Flag the pages of angles of attack that do not rise.
+
+    The program interpolates in its tables of alpha, which must rise. With 12, 8 ... -4 deg CL of a
+    light jet at -4 deg is -0.03 instead of -0.23, and CLA at 12 deg is 0.73 per degree.
+    """
+    # A place of the list without a number counts as zero.
+    angles = np.nan_to_num(case.deck.schedule("FLTCON", "ALSCHD", "NALPHA")).tolist()
+    pairs = list(pairwise(angles))
+    if all(low < high for low, high in pairs):
+        return
+    lines: list[int] = []
+    for i, page in enumerate(case.pages):
+        for table in page.tables:
+            # Increments of flaps and ailerons are computed angle by angle.
+            if table.layout.rows == ("FLTCON", "NALPHA") and table.layout.across is None:
+                page = with_suspects(page, table.name, None)
+                lines += table.lines[:1]
+        case.pages[i] = page
+    if not lines:
+        return
+    first, second = next((low, high) for low, high in pairs if not low < high)
+    text = (
+        f"the angles of attack of the input cards do not rise ({first:g} is followed by "
+        f"{second:g}): the program interpolates in them (seen: CL wrong by 0.2, CLA eight times "
+        f"too large), so that all tables over alpha are flagged suspect; put ALSCHD in rising "
+        f"order and run the deck again"
     )
     case.messages.append(ListingMessage(lines[0], text, "reader"))
 

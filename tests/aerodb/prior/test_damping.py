@@ -153,3 +153,18 @@ def test_another_fault_of_the_rows_is_not_one_of_the_tail() -> None:
     suspect = datcom_io.FLAGS.index("suspect")
     assert (clean.grid("downwash")["q_ratio_flag"] == suspect).any()
     assert describe_tail_pressure(clean, float(clean.grid("static")["h"][0])) == ""
+
+
+def test_lifting_line_takes_the_place_of_a_suspect_roll_damping(craft) -> None:
+    """The program prints -1.38 per radian at alpha 0; with angles up to 16 deg alone, -0.4465."""
+    file = Path(__file__).parents[2] / "datcom_io" / "listings" / "lift_of_wings.out"
+    lengths = {"S": 24.2, "cbar": 2.022, "b": 13.36, "reference": (-6.3, 0.0, 0.15)}
+    jet = dataclasses.replace(craft, name="Light jet", **lengths)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        db = aerodb.from_datcom(jet, clean=datcom_io.read(file)[2])
+    (text,) = [str(item.message) for item in caught if "Cl_phat" in str(item.message)]
+    assert "lifting-line theory of the planform" in text
+    leaf = db["Cl/phat"]
+    assert float(leaf["value"].sel(alpha=0.0, mach=0.3)) == pytest.approx(-0.4465, rel=0.01)
+    assert (leaf["source"] == SOURCES.index("judgement")).all()

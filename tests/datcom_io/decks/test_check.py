@@ -429,6 +429,13 @@ def test_a_series_of_saved_cases_too_long_to_replay():
     )
 
 
+def test_another_unit_behind_save():
+    lines = [*cards()[:-1], "SAVE", "NEXT CASE", "DIM M", "NEXT CASE"]
+    words = "DIM M behind SAVE of a case in FT"
+    assert [text for _, text in found(lines=lines) if words in text]
+    assert not [text for _, text in found(lines=[*lines[:-2], "DIM FT"]) if "behind" in text]
+
+
 def test_save_before_the_last_next_case():
     one("the program runs the saved case once more", "SAVE", severity="warning")
     assert found(lines=[*cards()[:-1], "SAVE"]) == []

@@ -43,6 +43,8 @@ def findings(*changes: tuple[str, str]) -> list[str]:
         ([("DIM FT", "DIM IN")], "JETPWR with DIM IN"),
         ([("CHRDFO=1.0", "CHRDFO=5.1")], "CHRDFO=5.1 is larger than the chord 5 of $WGPLNF"),
         ([("TYPE=1.0", "TYPE=3.0")], "cranked wing (TYPE=3) of SAVSI=0"),
+        ([(",TYPE=1.0", ",TYPE=3.0,SSPNOP=8.0,CHRDBP=4.0")], "TYPE=3 with an aspect ratio of 7.11"),
+        ([("DAMP\n", "TRIM\n"), ("DELTA(1)=0.0,10.0", "DELTA(1)=10.0,0.0")], "10 is followed by 0"),
     ],
 )
 def test_a_fault_is_found_and_only_where_it_is(changes, words: str) -> None:
