@@ -38,10 +38,9 @@ class RowRemark:
         beyond its limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface``
         (a trim surface that the trim solved for), ``tables_left``, ``envelope_left`` (beyond the
         validity envelope), ``low_confidence`` (where no flight supports the model),
-        ``below_runway``, ``waived``
-        (inputs that the model does not have), ``record`` (an error of the flight record), ``watch``
-        (a channel without a tolerance beyond its band), ``evidence`` (distance of the model from
-        the flight estimates), ``no_evidence`` (a model without terms to compare),
+        ``below_runway``, ``waived`` (inputs that the model does not have), ``record`` (an error of
+        the flight record), ``watch`` (a channel without a tolerance beyond its band), ``evidence``
+        (distance from the flight estimates), ``no_evidence`` (a model without terms to compare),
         ``far_from_evidence`` (terms beyond three standard errors), ``edited_evidence`` (terms of
         the evidence that are edited), ``departure`` (from the printed row or from normal practice),
         ``not_checked`` (a condition of the row), ``additional`` (the case is not the test of its
