@@ -365,12 +365,13 @@ def to_si(value: Any, unit: str, expected: str | None = None) -> Any:
     unit : str
     expected : str, optional
         SI unit of the quantity, for a check of the dimension. Hz of a quantity in rad/s are turns
-        per second, and a quantity in Hz may be stated in rad/s or rpm.
+        per second, and a quantity in Hz may be stated in rad/s or rpm.  A quantity in s-1 counts
+        neither turns nor radians.
 
     Raises
     ------
     UnitError
-        An unknown unit, or a unit of another quantity.
+        An unknown unit, a unit of another quantity, or rpm or deg/s of a quantity in s-1.
 
     Examples
     --------
@@ -382,12 +383,27 @@ def to_si(value: Any, unit: str, expected: str | None = None) -> Any:
     (6.283185, 10.0)
     """
     dimension, factor, offset = parse_unit(unit)
+    _refuse_turns(unit, expected)
     factor *= _turn_factor(unit, expected)
     if expected is not None and dimension != parse_unit(expected)[0]:
         raise UnitError(
             f"unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity"
         )
     return value * factor + offset
+
+
+@cache
+def _refuse_turns(unit: str, expected: str | None) -> None:
+    """Raise for rpm, deg/s and the like of a quantity in 1/s, which counts no angle.
+
+    One rpm would be 1/60 or 2 pi/60.  A radian is 1 in both readings.
+    """
+    words = re.split(r"[ */.]+", known_unit(unit))
+    if expected == "s-1" and not _ANGLES.isdisjoint(words) and "rad" not in words:
+        raise UnitError(
+            f"unit {unit!r} counts turns or radians, and a quantity in 's-1' neither; give it in "
+            "1/s or 1/min"
+        )
 
 
 @cache

@@ -89,7 +89,8 @@ def compare(a: xr.DataTree, b: xr.DataTree, conditions: Conditions | None = None
         ``max_in_stderr_difference`` of the difference, and its root mean square
         ``rms_in_stderr_difference``.  Nodes without a standard error do not count; the column is
         NaN without any.  ``value_a``, ``value_b`` and ``location`` of the largest difference;
-        ``note``.  Along conditions also ``share`` and ``rms_left``.  ``share`` is the part of the
+        ``note``, which also names another rule ``outside`` and, of equal values, other standard
+        errors.  Along conditions also ``share`` and ``rms_left``.  ``share`` is the part of the
         term in the mean square difference of the coefficient, mean(d_i d) / mean(d d).  The shares
         of a coefficient add up to 1, and that of a compensating term is negative.  ``rms_left`` is
         the rms difference after `a` has this term from `b`.  ``attrs["grid"]`` states the
@@ -189,12 +190,16 @@ def _compare_along(
             for leaf in _present(members[name]):
                 variables.update(_terms.list_model_variables(leaf))
                 axes.update(leaf_breakpoints(leaf))
+            notes = [
+                count_samples_beyond(members[name], samples),
+                describe_hidden_differences(members[name], a, b),
+            ]
             row = _difference_row(
                 _pair_found_in(members[name]),
                 a,
                 b,
                 location=condition_text(samples, order_names(variables), prefix),
-                note=count_samples_beyond(members[name], samples),
+                note="; ".join(filter(None, notes)),
             )
             rows[name] = [*row, *_shares(b.value - a.value, total_difference)]
         row = _difference_row(
@@ -248,7 +253,42 @@ def _node_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> list[Any]:
     count = int(np.prod([len(values) for values in points.values()]))
     a, b = (term_contribution(table, samples, count) for table in tables)
     found_in = _pair_found_in((ours, theirs))
-    return _difference_row(found_in, a, b, location=condition_text(samples, points), note="")
+    note = describe_hidden_differences((ours, theirs), a, b)
+    return _difference_row(found_in, a, b, location=condition_text(samples, points), note=note)
+
+
+_HIDDEN = ("the rule outside is ", "the standard errors differ, ")
+
+
+def has_hidden_difference(note: str) -> bool:
+    """Return whether a note of `compare` states a difference that equal values do not show."""
+    return any(text in note for text in _HIDDEN)
+
+
+def describe_hidden_differences(pair: Pair, a: Side, b: Side) -> str:
+    """Return in words how two tables differ where their values do not: beyond them, in errors.
+
+    Standard errors are named only where all values are equal; otherwise the ratios show them.
+
+    Parameters
+    ----------
+    pair : (Dataset or None, Dataset or None)
+        Tables of one term in both databases.
+    a, b : Side
+        Their values and standard errors at the compared nodes or samples.
+    """
+    texts: list[str] = []
+    if len(_present(pair)) < 2:
+        return ""
+    rules = [str(leaf.attrs.get("outside", "hold")) for leaf in _present(pair)]
+    if rules[0] != rules[1]:
+        texts.append(f"{_HIDDEN[0]}{rules[0]!r} in a, {rules[1]!r} in b")
+    if np.array_equal(a.value, b.value) and not np.allclose(a.stderr, b.stderr, atol=0.0):
+        shown = [
+            f"{float(side.stderr.max()):.3g} in {label}" for side, label in ((a, "a"), (b, "b"))
+        ]
+        texts.append(f"{_HIDDEN[1]}the largest is {shown[0]}, {shown[1]}")
+    return "; ".join(texts)
 
 
 def _list_regressors(leaf: xr.Dataset) -> str:

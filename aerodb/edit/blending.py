@@ -27,7 +27,7 @@ References
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,6 +114,7 @@ def blend(
     -----
     AeromatchWarning
         Terms that disagree by more than their errors: chi-square with a probability below 0.01.
+        Terms whose rules ``outside`` differ; the rule of `db` holds.
 
     References
     ----------
@@ -132,6 +133,10 @@ def blend(
         row = table.loc[name]
         line = f"blend: {rule}, chi-square {row.chi2:.4g} of {row.nodes} nodes{note_suffix(note)}"
         leaves[name] = add_history_line(new, line)
+        rules = {"here": pair.ours, "there": pair.theirs}
+        if remark := compare_outside_rules(name, rules):
+            warnings.warn(f"blend: {remark}", AeromatchWarning, stacklevel=2)
+            leaves[name] = add_history_line(leaves[name], remark)
     if problems:
         raise SchemaError("blend", problems)
     # Disagreeing terms are blended nevertheless.
@@ -179,6 +184,31 @@ def consistency(
         As in `blend`.
     """
     return _compare_pairs(_match_pairs(db, other, names, rule), rule)
+
+
+def compare_outside_rules(name: str, leaves: Mapping[str, xr.Dataset]) -> str:
+    """Return a sentence on tables of one term that continue otherwise beyond their breakpoints.
+
+    A blend has the rule of the first table.  The text is empty if all rules are equal.
+
+    Parameters
+    ----------
+    name : str
+        Term.
+    leaves : mapping of str to Dataset
+        Table by the place or the label of its database.
+    """
+    rules = {label: str(leaf.attrs.get("outside", "hold")) for label, leaf in leaves.items()}
+    # a number without a table goes on in the same way by both rules
+    has_axes = any(leaf["value"].ndim for leaf in leaves.values())
+    if len(set(rules.values())) < 2 or not has_axes:
+        return ""
+    texts = [f"{rule!r} {label}" for label, rule in rules.items()]
+    first = next(iter(rules.values()))
+    return (
+        f"{name}: the rule outside is {', '.join(texts)}; the blend has {first!r}, so that it "
+        f"continues beyond the tables as the first database alone"
+    )
 
 
 @dataclass(frozen=True)

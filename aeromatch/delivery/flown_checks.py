@@ -23,6 +23,7 @@ from flightmech.errors import ParseError, SchemaError, SimulationError
 from flightmech.names import lookup
 from flightmech.simulation.compiler import compile_with_envelope
 from flightmech.support.atomic_write import write_text
+from flightmech.units import from_si
 from pom.result import PomResult
 
 FORMAT = "aeromatch flown check case, format 1"
@@ -109,6 +110,22 @@ def flight_conditions_of(
         setting = (round(condition.get("delta_f", 0.0), 1), round(condition.get("gear", 0.0)))
         by_setting.setdefault(setting, (result.case.name, condition))
     return dict(list(by_setting.values())[:most])
+
+
+def configuration_text(condition: Mapping[str, float]) -> str:
+    """Return flaps and gear of a condition in words; a gear that is fixed is not stated.
+
+    Examples
+    --------
+    >>> configuration_text({"delta_f": 0.0})
+    'flaps 0.0 deg; gear not stated'
+    """
+    flaps, gear = "flaps not stated", "gear not stated"
+    if "delta_f" in condition:
+        flaps = f"flaps {from_si(condition['delta_f'], 'deg'):.1f} deg"
+    if "gear" in condition:
+        gear = f"gear {'down' if condition['gear'] > 0.5 else 'up'}"
+    return f"{flaps}; {gear}"
 
 
 def write_flown_checks(

@@ -12,6 +12,7 @@ import pandas as pd
 import aerodb
 import flightmech
 import pom
+from aerodb.comparison.comparison import has_hidden_difference
 from aeromatch.delivery.flown_checks import flight_conditions_of
 from aeromatch.delivery.package_files import read_package_manifest
 from flightmech.aircraft.parts import different_parts
@@ -92,7 +93,9 @@ def _term_rows(before: Any, after: Any) -> list[dict[str, Any]]:
     states = {"a": "deleted", "b": "added", "both": "changed"}
     rows = []
     for row in aerodb.compare(before, after).reset_index().to_dict("records"):
-        if row["found_in"] == "both" and not row["max_difference"]:
+        note = str(row["note"] or "")
+        is_equal = row["found_in"] == "both" and not row["max_difference"]
+        if is_equal and not has_hidden_difference(note):
             continue
         rows.append(
             {
@@ -104,7 +107,7 @@ def _term_rows(before: Any, after: Any) -> list[dict[str, Any]]:
                 "largest": row["max_difference"],
                 "rms": row["rms_difference"],
                 "in_standard_errors": row["max_in_stderr_difference"],
-                "note": str(row["note"] or ""),
+                "note": note,
             }
         )
     return rows

@@ -21,6 +21,7 @@ from jinja2 import PackageLoader
 
 import aerodb
 import flightmech
+from aeromatch.delivery.flown_checks import configuration_text
 from aeromatch.delivery.places import FLOWN, README, RECORDINGS, ROADMAP
 from flightmech.errors import AeromatchError, UnknownName
 from flightmech.fmu_export.fmu_file import BLOCK
@@ -145,9 +146,7 @@ def _case_cells(result: Any) -> list[str]:
     case, condition = result.case, dict(result.conditions)
     cells = [case.id, case.title, case.standard, case.edition, case.name, Path(case.record).name]
     cells += [f"{time:g}" for time in case.window]
-    gear = "down" if condition.get("gear", 0.0) > 0.5 else "up"
-    flaps = condition.get("delta_f", 0.0) * 57.29577951308232
-    cells.append(f"flaps {flaps:.1f} deg; gear {gear}")
+    cells.append(configuration_text(condition))
     for name in ("mass", "h", "V"):
         cells.append(f"{condition[name]:.1f}" if name in condition else "")
     cells.append(f"{100.0 * condition['x_cg']:.1f}" if "x_cg" in condition else "")

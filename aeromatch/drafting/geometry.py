@@ -219,7 +219,10 @@ def _wing_planform(deck: Deck) -> dict[str, float]:
 
 def _engine_positions(cards: Sequence[Deck], main: Deck) -> tuple[tuple[float, float, float], ...]:
     """Return the points where jets or propellers act, from the moment reference point. [m]"""
-    x0, z0 = main.value("SYNTHS", "XCG") or 0.0, main.value("SYNTHS", "ZCG") or 0.0
+    # the decks of one aircraft may have different units of length
+    length = _length_unit(main)
+    x0 = (main.value("SYNTHS", "XCG") or 0.0) * length
+    z0 = (main.value("SYNTHS", "ZCG") or 0.0) * length
     for deck in cards:
         for namelist, (count, *variables) in _ENGINE_VARIABLES.items():
             x, y, z = (deck.value(namelist, name) for name in variables)
@@ -227,7 +230,7 @@ def _engine_positions(cards: Sequence[Deck], main: Deck) -> tuple[tuple[float, f
                 continue
             unit = _length_unit(deck)
             # Cards count aft and up, body axes forward and down.
-            forward, right, down = (x0 - x) * unit, (y or 0.0) * unit, (z0 - (z or 0.0)) * unit
+            forward, right, down = x0 - x * unit, (y or 0.0) * unit, z0 - (z or 0.0) * unit
             if round(deck.value(namelist, count) or 1.0) < 2:
                 return ((forward, right, down),)
             return ((forward, -abs(right), down), (forward, abs(right), down))

@@ -80,7 +80,7 @@ class CaseChecks:
             items[label] = case, states
             case_inputs = {
                 "case": case.without_texts(),
-                "files": self._case_files(case),
+                "files": case.contents(),
                 "states": states,
             }
             inputs[label] = case_inputs | common
@@ -127,11 +127,6 @@ class CaseChecks:
             if name in self._project.tables:
                 contents[name].append(self._content(self._project.tables[name]))
         return contents
-
-    def _case_files(self, case: PomCase) -> list[FileContent | None]:
-        """Return the files that a case names as inputs of a stage."""
-        names = (case.names, case.aircraft, case.law, case.law_names)
-        return [self._content(Path(name)) for name in names if name]
 
     def _content(self, file: Path) -> FileContent | None:
         """Return a file as an input of a stage, or None for a file that cannot be read.

@@ -175,10 +175,9 @@ def of_cases(
     }
     inputs: dict[str, dict[str, Any]] = {}
     for case in cases:
-        names = (case.names, case.aircraft, case.law, case.law_names)
         case_inputs = {
             "case": case.without_texts(),
-            "files of the case": [content(Path(name)) for name in names if name],
+            "files of the case": case.contents(),
             "record": paths[Path(case.record).stem],
         }
         if case.name in recorded:

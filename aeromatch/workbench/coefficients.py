@@ -24,7 +24,7 @@ from aeromatch.workbench.allowed_actions import ActionError
 from aeromatch.workbench.fit_request import FitRequest, order_fit_windows, records_of_request
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import WorkbenchJob
-from flightmech.aircraft.aircraft_file import read_aircraft
+from flightmech.aircraft.aircraft_file import aircraft_files, read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.array_files.netcdf_writing import write_netcdf
 from flightmech.support.atomic_write import written_atomically
@@ -138,7 +138,7 @@ def window_of(
         The window is not inside the record.
     """
     file = _reconstructed_file(opened, record)
-    sources = [file, opened.project.aircraft]
+    sources = [file, *opened.aircraft_files]
     key = (record, cutoff, tuple(opened.project.errors.items()))
 
     def read_window() -> xr.Dataset:
@@ -184,7 +184,7 @@ def _coefficient_file(opened: OpenProject, record: str, cutoff: float | None) ->
     aircraft, errors = opened.project.aircraft, opened.project.errors
     digest = opened.kept(
         ("key", record, cutoff, tuple(errors.items())),
-        [file, aircraft],
+        [file, *opened.aircraft_files],
         lambda: _hash_inputs(file, aircraft, errors, cutoff),
         _MOST_WINDOWS,
     )
@@ -220,7 +220,7 @@ def _hash_inputs(
     file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None
 ) -> str:
     """Return a digest of all that determines coefficients: program, files, errors, low-pass."""
-    hashes = [file_sha256(source) for source in (file, aircraft)]
+    hashes = [file_sha256(source) for source in (file, *aircraft_files(aircraft))]
     return content_hash(hash_installation(), hashes, sorted(errors.items()), cutoff)[:16]
 
 

@@ -321,7 +321,7 @@ def _fit(opened: OpenProject, request: FitRequest) -> flighttest.Fit:
             ridge=request.ridge,
         )
 
-    return opened.kept(key, [*files, opened.project.aircraft], make)
+    return opened.kept(key, [*files, *opened.aircraft_files], make)
 
 
 def _outcome(opened: OpenProject, request: FitRequest) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from aeromatch.project.project import Project, read_project
 from aeromatch.workbench.allowed_actions import PlaceholderFolders
 from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.aircraft_file import read_aircraft
+from flightmech.aircraft.aircraft_file import aircraft_files, read_aircraft
 from flightmech.errors import UnknownName
 from flightmech.support.figures import to_display_quantity
 from flighttest.reconstruction.dynamics.saved_paths import open_path
@@ -236,7 +236,13 @@ class OpenProject:
     def aircraft(self) -> Aircraft:
         """Aircraft of the project."""
         file = self.project.aircraft
-        return self.kept(("aircraft",), [file], lambda: read_aircraft(file))
+        return self.kept(("aircraft",), self.aircraft_files, lambda: read_aircraft(file))
+
+    @property
+    def aircraft_files(self) -> list[Path]:
+        """Aircraft file of the project, and the files of tables that it names."""
+        file = self.project.aircraft
+        return self.kept(("aircraft files",), [file], lambda: aircraft_files(file))
 
     def flight(self, name: str) -> Path:
         """Return the file of a flight record.

@@ -219,7 +219,7 @@ def list_check_findings(opened: OpenProject, query: Mapping[str, str], body: Any
     ``entries`` are the lines of the name map in a remedy.
     """
     name = query.get("name", "")
-    files = [*opened.record_files(name), opened.project.aircraft]
+    files = [*opened.record_files(name), *opened.aircraft_files]
     check = opened.kept(
         ("check",), files, lambda: assess(opened.record(name), opened.aircraft).as_dict()
     )

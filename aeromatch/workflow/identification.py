@@ -131,7 +131,7 @@ def _reconstruct(
     result: Identified, aircraft: Kept[Aircraft], jobs: int, step: Step, stages: Stages
 ) -> None:
     """Read and check the flight records, select the windows, and reconstruct the states."""
-    result.custody.take(inputs_of(result.project, result.records))
+    result.custody.take(inputs_of(result.project, result.records, result.cases))
     with step(f"read {len(result.records)} flight records"):
         records = read_records(result, stages)
         result.marks = read_marks(result, records, stages)

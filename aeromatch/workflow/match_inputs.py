@@ -15,6 +15,7 @@ from flightmech.errors import SchemaError
 from flightmech.support.input_files import file_sha256
 from pom.archive.origins import read_report_manifest
 from pom.archive.statements import run_of
+from pom.cases.case import read_case
 
 _MOST_FILES = 10  # listed
 
@@ -41,7 +42,8 @@ def demand_match_of_project(project: Project, match: Path) -> None:
     # a recording that no part of the match uses is not among its inputs
     names = [name for name, file in project.flights.items() if file.name in used]
     problems = []
-    for file in dict.fromkeys(inputs_of(project, names)):
+    cases = [read_case(file) for file in project.cases]
+    for file in dict.fromkeys(inputs_of(project, names, cases)):
         digest = file_sha256(file)
         matched = used.get(file.name, set())
         if digest in matched:

@@ -197,7 +197,10 @@ def _provenance(result: Identified, fmus: Mapping[str, Path], command: str) -> R
     """Return the provenance of the report: files with hashes, records, faults, signatures."""
     project = result.project
     provenance = pom.provenance(
-        inputs_of(project, result.records), fmus, command, digest=result.custody.sha256
+        inputs_of(project, result.records, result.cases),
+        fmus,
+        command,
+        digest=result.custody.sha256,
     )
     sources = rests_on(project, result.windows, result.cases)
     if result.left_out:

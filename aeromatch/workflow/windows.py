@@ -14,6 +14,7 @@ import xarray as xr
 import flighttest
 from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
+from flightmech.aircraft.aircraft_file import aircraft_files
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.quantities import time_text
 from flighttest.records.repeated_windows import repeated_windows
@@ -98,10 +99,15 @@ def records_of(project: Project, cases: Sequence[Any] = ()) -> list[str]:
     return list(dict.fromkeys(records))
 
 
-def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
-    """Return every file that the results depend on, with the named flight records."""
-    files = [project.file, project.aircraft]
-    files += [file for file in (project.apriori, project.names) if file]
+def inputs_of(project: Project, names: Iterable[str], cases: Iterable[Any] = ()) -> list[Path]:
+    """Return every file that the results depend on, with the named flight records.
+
+    The files that a case names, such as its tolerance table, come with `cases`, the read cases.
+    """
+    files = [project.file, *aircraft_files(project.aircraft)]
+    if project.apriori:
+        files += aircraft_files(project.apriori)
+    files += [project.names] if project.names else []
     # Several roles may use cases of one listing.
     files += dict.fromkeys(listing.file for listing in project.listings.places())
     for section in project.prior:
@@ -111,7 +117,11 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     files += [file for file in (project.manoeuvres, project.ice) if file]
     for device in project.devices.values():
         files += device.files
-    return [*files, *project.published]
+    for case in cases:
+        files += [Path(name) for name in case.files()]
+        if case.aircraft:
+            files += aircraft_files(case.aircraft)
+    return [*files, *project.points.values(), *project.published]
 
 
 def marks_of(

@@ -40,7 +40,7 @@ reference point. Only `reference` is relative to the drawing datum::
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -132,6 +132,38 @@ def read_aircraft(path: str | Path) -> Aircraft:
         if name not in parts:
             parts[name] = getattr(content, name)
     return Aircraft(**parts)
+
+
+# keys of an aircraft file that name a file of tables
+_FILE_KEYS = ("file", "thrust_file")
+
+
+def aircraft_files(path: str | Path) -> list[Path]:
+    """Return an aircraft file and the files of tables that it names, each once.
+
+    A file that is missing is left out, because `read_aircraft` reports it.
+
+    Raises
+    ------
+    ParseError
+        The text is not TOML.
+    """
+    path = Path(path)
+    named = [path.parent / name for name in _named_files(read_toml(path))]
+    return [path, *(file for file in dict.fromkeys(named) if file.is_file())]
+
+
+def _named_files(content: Any) -> Iterator[str]:
+    """Yield the names of files in the tables of an aircraft file."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            if key in _FILE_KEYS and isinstance(value, str):
+                yield value
+            else:
+                yield from _named_files(value)
+    elif isinstance(content, list):
+        for value in content:
+            yield from _named_files(value)
 
 
 class _EngineSection(Strict):

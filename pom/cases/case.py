@@ -8,8 +8,10 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from flightmech.aircraft.aircraft_file import aircraft_files
 from flightmech.errors import SchemaError
 from flightmech.short_text import ShortText
+from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.toml_files import read_toml
 from flightmech.support.toml_models import validate_content
 from pom.cases import resolve as parts
@@ -158,6 +160,21 @@ class PomCase(ShortText):
         names = (*inputs, *self.models.values(), self.law, self.law_names)
         # a file that the case does not name is an empty text
         return [name for name in names if name]
+
+    def contents(self) -> list[FileContent]:
+        """Return the files that replay, diagnosis and verdict of the case read, with their hashes.
+
+        The case file is not among them: the case holds all that it states.  The record is, if its
+        wind is read from it; a reconstructed path holds the rest of the record.  A missing file is
+        left out, because its reader reports it.
+        """
+        names = [self.names, *self.models.values(), self.law, self.law_names]
+        if self.wind == "measured":
+            names.append(self.record)
+        files = [Path(name) for name in names if name]
+        if self.aircraft and Path(self.aircraft).is_file():
+            files += aircraft_files(self.aircraft)
+        return [FileContent.of(file) for file in files if file.is_file()]
 
     def printed_rows(self) -> list[rows.Row]:
         """Return the rows of the test in the table of the case.

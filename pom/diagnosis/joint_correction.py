@@ -254,12 +254,14 @@ class _StageInputs:
             start_aircraft = aircraft
         start = {"a-priori database": prior, "a-priori aircraft": start_aircraft}
         self.diagnoses: dict[str, dict[str, Any]] = {}
-        for case in sorted(cases, key=_estimate_duration, reverse=True):
-            used = {"case": case.without_texts(), "record": paths[case.name]}
-            self.diagnoses[case.name] = used | models
         self.swaps: dict[str, dict[str, Any]] = {}
-        for case in cases:
-            used = {"case": case.without_texts(), "record": paths[case.name]}
+        for case in sorted(cases, key=_estimate_duration, reverse=True):
+            used = {
+                "case": case.without_texts(),
+                "files of the case": case.contents(),
+                "record": paths[case.name],
+            }
+            self.diagnoses[case.name] = used | models
             self.swaps[case.name] = used | start
 
 

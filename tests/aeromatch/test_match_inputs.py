@@ -31,11 +31,12 @@ def project(tmp_path, monkeypatch):
     }
     (tmp_path / "out" / "report" / "manifest.json").write_text(json.dumps(statement))
 
-    def inputs_of(project, names):
+    def inputs_of(project, names, cases):
         return [*files[:2], *(project.flights[name] for name in names)]
 
     monkeypatch.setattr(match_inputs, "inputs_of", inputs_of)
-    return SimpleNamespace(file=files[0], flights={"flight": files[2], "unused": files[3]})
+    flights = {"flight": files[2], "unused": files[3]}
+    return SimpleNamespace(file=files[0], flights=flights, cases=())
 
 
 def test_files_edited_after_the_match_are_named(project, tmp_path):

@@ -441,7 +441,11 @@ def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
 
 def test_the_inputs_are_every_file_of_the_project(shipped):
     names = records_of(shipped)
-    files = inputs_of(shipped, names)
+    cases = [pom.read_case(file) for file in shipped.cases[:2]]
+    files = inputs_of(shipped, names, cases)
+    assert shipped.aircraft.with_name("engine.nc") in files
+    for case in cases:
+        assert {Path(name) for name in case.files()} <= set(files)
     listings = {place.file for places in shipped.listings.by_role.values() for place in places}
     assert {
         shipped.file,

@@ -230,3 +230,11 @@ def test_an_option_takes_a_bare_number_and_names_itself_in_an_error():
 )
 def test_a_hertz_of_a_rotation_is_a_turn_per_second(text, units, si):
     assert parse_quantity(text, units) == pytest.approx(si, rel=1e-15)
+
+
+@pytest.mark.parametrize("unit", ["rpm", "rev/min", "deg/s", "rev s-1"])
+def test_a_quantity_of_events_in_a_second_counts_no_angle(unit):
+    with pytest.raises(UnitError, match="counts turns or radians"):
+        to_si(6.0, unit, "s-1")
+    assert to_si(6.0, "1/min", "s-1") == pytest.approx(0.1)
+    assert to_si(6.0, "rad/s", "s-1") == to_si(6.0, "Hz", "s-1") == 6.0

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from aerodb.comparison.comparison import compare as compared
+from aerodb.comparison.comparison import has_hidden_difference
 from aerodb.comparison.record_conditions import read_conditions
 from aerodb.figures.lr743_set.flown import FLOWN, read_flown
 from aerodb.store.files import open as open_database
@@ -131,6 +132,7 @@ def _print(frame: pd.DataFrame) -> None:
     along = "share" in frame
     is_term = frame.index.str.contains("/")
     same = is_term & (frame["max_difference"] == 0.0) & (frame["found_in"] == "both")
+    same &= ~frame["note"].map(has_hidden_difference)
     for part, head in ((frame[~is_term], "coefficient"), (frame[is_term & ~same], "term")):
         columns = [head, "in", "largest", "a", "b", "rms", "/ s.e. a", "/ s.e. b", "/ s.e. b-a"]
         shares = ["share", "rms left"] if along and head == "term" else []

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.edit.blending import compare_outside_rules
 from aerodb.edit.joined_sources.convention_faults import (
     ConventionFault,
     compare_pairs,
@@ -123,7 +124,8 @@ def blend_sources(
     -----
     AeromatchWarning
         Terms whose sources disagree by more than their standard errors, which are widened; other
-        reference quantities; neutral points that are far apart; an implausible value.
+        reference quantities; neutral points that are far apart; rules ``outside`` of a term that
+        differ, of which that of the first source holds; an implausible value.
 
     Notes
     -----
@@ -148,6 +150,9 @@ def blend_sources(
     blended = _blend_terms(sources, by_term, faults)
     disagreements = [fault.text for fault in faults] + _describe_disagreements(blended)
     disagreements += compare_neutral_points(by_term)
+    for name, members in by_term.items():
+        leaves = {source.label: terms(source.database)[name] for source in members}
+        disagreements += filter(None, [compare_outside_rules(name, leaves)])
     for text in (*remarks, *disagreements):
         warn_user(text)
     tree = _make_tree(aircraft, sources, blended, point=point, notices=disagreements)

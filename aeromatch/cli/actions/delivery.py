@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from aeromatch.delivery.contents import PackageOptions, write_package
+from aeromatch.delivery.flown_checks import configuration_text
 from aeromatch.delivery.package_difference import package_difference
 from aeromatch.delivery.package_files import PackageCheck
 from aeromatch.delivery.package_opening import unpack_package
@@ -25,7 +26,7 @@ from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import AeromatchError
 from flightmech.support.console import print_json, print_table, timed_step
 from flightmech.support.foreign_code.sandbox import describe_sandbox
-from flightmech.units import DEGREE, FOOT, KNOT
+from flightmech.units import FOOT, KNOT
 from pom.report.presentation.term_words import term_words
 
 NOT_COMPARED = (
@@ -150,16 +151,15 @@ def _print_felt(found: Mapping[str, Any], names: str) -> None:
         at = found["condition"]
         where = (
             f"{at['V'] / KNOT:.0f} kt true, {at['h'] / FOOT:.0f} ft, {at['mass']:.0f} kg, "
-            f"flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
+            f"{configuration_text(at).replace(';', ',')}"
         )
-        gear = "down" if at.get("gear", 0.0) > 0.5 else "up"
         felt = []
         for row in found["felt"]:
             felt.append((row["words"], row["unit"], _digits(row["before"]), _digits(row["after"])))
         print_table(
             ["what a pilot feels", "unit", "before", "after"],
             felt,
-            f"{names}: at {where}, gear {gear}",
+            f"{names}: at {where}",
             right=["before", "after"],
         )
 

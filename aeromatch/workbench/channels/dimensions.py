@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from flightmech.errors import UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.units import parse_unit
+from flightmech.units import known_unit, parse_unit
 
-_ANGLES = re.compile(r"(?<![A-Za-z])m?(?:rad|deg)(?![A-Za-z])(-?\d*)")
+_ANGLES = re.compile(r"(?<![A-Za-z])(?:m?rad|deg|rev|rpm)(?![A-Za-z])(-?\d*)")
 _UNITS = ("m", "kg", "s", "K", "A", "rad")
 # Display units of results that are no channel of the vocabulary, by dimension.
 _DISPLAYED: dict[tuple[float, ...], str] = {
@@ -78,6 +78,8 @@ def dimension_of_unit(unit: str) -> Dimension:
         An unknown unit.
     """
     powers, _, _ = parse_unit(unit)
+    # other spellings, such as degrees or dps, name the same angle
+    unit = known_unit(unit)
     angle = 0
     for part, sign in zip(unit.partition("/")[::2], (1, -1), strict=True):
         for match in _ANGLES.finditer(part):

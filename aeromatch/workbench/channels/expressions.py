@@ -24,7 +24,7 @@ from aeromatch.workbench.channels.dimensions import (
     dimension_of_unit,
 )
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.units import to_si
+from flightmech.units import known_unit, to_si
 from flighttest.records.signals.resampling import lowpass
 
 _EXPECTED = "an expression of channels, as 'az + V*q', 'sqrt(p**2 + q**2)' or 'alpha - 2 deg'"
@@ -82,11 +82,14 @@ class ExpressionTerm(NamedTuple):
         None if a channel without a known unit is in it.
     is_constant : bool
         Whether it has numbers without a unit only.
+    is_hertz : bool
+        Whether it is a number in Hz, which counts turns where an angle is meant.
     """
 
     values: Any
     dimension: Dimension | None
     is_constant: bool = False
+    is_hertz: bool = False
 
 
 class ChannelExpression:
@@ -218,7 +221,11 @@ class ChannelExpression:
         assert isinstance(node.func, ast.Name)
         if node.func.id == "quantity":
             number, unit = (argument.value for argument in node.args)  # type: ignore[attr-defined]
-            return ExpressionTerm(float(to_si(number, unit)), dimension_of_unit(unit))
+            return ExpressionTerm(
+                float(to_si(number, unit)),
+                dimension_of_unit(unit),
+                is_hertz=known_unit(unit) == "Hz",
+            )
         terms = [self._value(argument, time, channels) for argument in node.args]
         return self._call(node.func.id, terms, time)
 
@@ -265,6 +272,10 @@ class ChannelExpression:
                         f"'{float(number.values):g} deg'"
                     ],
                 )
+        if (left.is_hertz and b.angle) or (right.is_hertz and a.angle):
+            raise SchemaError(
+                self.text, [f"{what} between an angular rate and Hz; write rad/s, deg/s or rpm"]
+            )
         # A product such as V*q is an acceleration: the side without an angle has the unit.
         if left.is_constant or (a.angle and not b.angle):
             return b

@@ -19,7 +19,7 @@ def list_kept_paths(opened: OpenProject) -> list[str]:
     Nothing is computed: the hashes of the inputs are looked up.
     """
     project = opened.project
-    files = [opened.file, project.aircraft, *project.cases, *project.flights.values()]
+    files = [opened.file, *opened.aircraft_files, *project.cases, *project.flights.values()]
     # The state of the folder of the match changes with a match, and with it what is in the store.
     files += [opened.work / MATCH / "final.nc", *([project.names] if project.names else [])]
     return opened.kept(("kept paths",), files, lambda: _look_up(opened), most=2)
@@ -60,5 +60,5 @@ def list_older_paths(opened: OpenProject) -> list[str]:
 
 
 def _newest(opened: OpenProject, name: str) -> float:
-    files: list[Path] = [*opened.record_files(name), opened.project.aircraft]
+    files: list[Path] = [*opened.record_files(name), *opened.aircraft_files]
     return max(file.stat().st_mtime for file in files if file.exists())

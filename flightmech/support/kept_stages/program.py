@@ -7,11 +7,12 @@ import os
 import sys
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
 from importlib.util import find_spec
 from pathlib import Path
 from platform import machine
 
+from flightmech.plugins import DATABASE_EXPORTERS, DATABASE_IMPORTERS, RECORD_READERS
 from flightmech.support.imports import PACKAGES
 
 LIBRARIES = ("aeromatch", "fmpy", "numpy", "scipy", "pandas", "xarray", "h5py", "jinja2", "typst")
@@ -32,7 +33,8 @@ _ARITHMETIC = (
 def hash_installation() -> str:
     """Return the hash of our packages, the versions of `LIBRARIES` and the kind of machine.
 
-    The packages include kernel, templates and tables.
+    The packages include kernel, templates and tables. Readers and exporters that other packages add
+    count as well (`flightmech.plugins`).
     """
     digest = hashlib.sha256()
     for name in PACKAGES:
@@ -42,7 +44,35 @@ def hash_installation() -> str:
             path = f"{name}/{file[len(folder) + 1 :]}".replace(os.sep, "/")
             digest.update(path.encode() + b"\0" + Path(file).read_bytes())
     versions = [f"{name} {_find_version(name)}" for name in LIBRARIES]
-    return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])
+    return " ".join([digest.hexdigest(), *versions, sys.platform, machine(), *_hash_plugins()])
+
+
+def _hash_plugins() -> list[str]:
+    """Return name, object, version and hash of the sources of each entry point of our groups."""
+    points: list[EntryPoint] = []
+    for group in (RECORD_READERS, DATABASE_EXPORTERS, DATABASE_IMPORTERS):
+        points += entry_points(group=group)
+    texts = []
+    for point in points:
+        release = point.dist.version if point.dist else ""
+        digest = _hash_package(point.module.partition(".")[0])
+        texts.append(f"{point.group} {point.name} {point.value} {release} {digest}")
+    return sorted(texts)
+
+
+def _hash_package(name: str) -> str:
+    """Return the hash of the files of a top-level package or module; it is not imported."""
+    spec = find_spec(name)
+    digest = hashlib.sha256()
+    folders = list(spec.submodule_search_locations or ()) if spec else []
+    files: list[str] = []
+    for folder in folders:
+        files += sorted(_list_files(folder))
+    if spec and not folders and spec.origin:
+        files = [spec.origin]
+    for file in files:
+        digest.update(Path(file).name.encode() + b"\0" + Path(file).read_bytes())
+    return digest.hexdigest()
 
 
 # Files that are the same in a checkout and in a wheel of any platform.

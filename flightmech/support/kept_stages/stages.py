@@ -192,12 +192,10 @@ class Stages:
         keys, results = self._find_items(stage, inputs, recompute)
         missing = [item for item in inputs if item not in results]
         if missing:
-            # threads share the list of caught warnings, so their warnings are not recorded
-            work = _call_without_record if threads else capture_warnings
             calls = ((function, *arguments(item)) for item in missing)
             if jobs > 0:
                 jobs = min(jobs, len(missing))
-            for i, result in self.workers.unordered(work, calls, jobs, threads):
+            for i, result in self.workers.unordered(capture_warnings, calls, jobs, threads):
                 item = missing[i]
                 results[item] = self._store_result(stage, keys[item], result)
         return {item: results[item] for item in inputs}
@@ -374,9 +372,3 @@ class Stages:
         self.remarks += texts
         for text in texts:
             warnings.warn(text, AeromatchWarning, stacklevel=4)
-
-
-def _call_without_record(
-    function: Callable[..., _Value], *arguments: Any
-) -> tuple[_Value, list[str]]:
-    return function(*arguments), []

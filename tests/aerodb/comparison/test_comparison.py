@@ -226,3 +226,15 @@ def test_other_references_are_stated(small):
         r"they stand",
     ):
         aerodb.compare(small, other)
+
+
+@pytest.mark.parametrize("along", [None, {"mach": 0.3, "delta_f": 0.1, "qhat": 0.01, "alpha": 0.0}])
+def test_what_equal_values_do_not_show_is_named(small, along):
+    linear = aerodb.terms(small)["CL/flap"].assign_attrs(outside="linear")
+    qhat = aerodb.terms(small)["CL/qhat"]
+    other = {"CL/flap": linear, "CL/qhat": qhat.assign(stderr=10.0 * qhat["stderr"])}
+    frame = aerodb.compare(small, aerodb.replace_terms(small, other), along)
+    assert (frame["max_difference"] == 0.0).all()
+    assert "the rule outside is 'hold' in a, 'linear' in b" in frame.loc["CL/flap", "note"]
+    assert "the standard errors differ" in frame.loc["CL/qhat", "note"]
+    assert "differ" not in frame.loc["CL/basic", "note"]

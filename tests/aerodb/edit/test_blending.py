@@ -53,6 +53,18 @@ def test_node_by_node(small, flown):
     assert list(aerodb.terms(new)) == list(aerodb.terms(small))
 
 
+@pytest.mark.parametrize("rule", ["inverse_variance", "correlated"])
+def test_another_rule_outside_is_stated(small, flown, rule):
+    qhat = aerodb.terms(flown)["CL/qhat"].assign_attrs(outside="linear")
+    linear = aerodb.replace_terms(flown, {"CL/qhat": qhat})
+    with pytest.warns(
+        AeromatchWarning, match=r"CL/qhat: the rule outside is 'hold' here, 'linear'"
+    ):
+        new = aerodb.terms(aerodb.edit.blend(small, linear, "CL/qhat", rule))["CL/qhat"]
+    assert new.attrs.get("outside", "hold") == "hold"
+    assert "the blend has 'hold'" in new.attrs["history"]
+
+
 def test_a_standard_error_of_zero_means_exact(small, flown):
     exact = aerodb.terms(flown)["CL/qhat"]
     exact = aerodb.replace_terms(flown, {"CL/qhat": exact.assign(stderr=exact["stderr"] * 0.0)})

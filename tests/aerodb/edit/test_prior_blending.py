@@ -330,3 +330,18 @@ def test_the_order_of_the_sources_does_not_matter(aircraft):
     for key in ("value", "stderr"):
         assert other[key].values == pytest.approx(first[key].values, rel=1e-9)
     assert np.array_equal(first["source"].values, other["source"].values)
+
+
+def test_another_rule_outside_of_a_source_is_a_notice(aircraft):
+    leaves = [table(0.10), table(0.12).assign_attrs(outside="linear")]
+    programs = ("Digital DATCOM", "AVL")
+    sources = [database({"Cn/beta": leaf}, name) for leaf, name in zip(leaves, programs)]
+    with pytest.warns(AeromatchWarning, match=r"Cn/beta: the rule outside is 'hold' .*, 'linear'"):
+        blend = blend_sources(sources, aircraft)
+    assert "the rule outside" in blend.database.attrs["notices"]
+    # one source alone decides
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", ".*rule outside")
+        warnings.filterwarnings("ignore", ".*implausible")
+        taken = blend_sources(sources, aircraft, take={"Cn/beta": "AVL"}).database
+    assert aerodb.terms(taken)["Cn/beta"].attrs["outside"] == "linear"

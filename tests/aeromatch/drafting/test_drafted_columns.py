@@ -165,6 +165,16 @@ def test_geometry_of_cards_and_of_a_deck_alone():
     assert deck.places == {}
 
 
+def test_engines_of_a_deck_in_other_units(tmp_path):
+    wing = " CASEID A\n DIM M\n $FLTCON NMACH=1.0, MACH(1)=0.3$\n $SYNTHS XCG=3.0, ZCG=0.0$\n"
+    jet = " $JETPWR NENGSJ=1.0, JEALOC=10.0, JELLOC=0.0, JEVLOC=1.0$\n"
+    texts = {"wing": wing + " $BODY NX=2.0$\n NEXT CASE\n", "jet": f" DIM FT\n{jet} NEXT CASE\n"}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.inp").write_text(text)
+    found = geometry_of([], [tmp_path / "wing.inp", tmp_path / "jet.inp"])
+    np.testing.assert_allclose(found.engines, [[3.0 - 10.0 * FOOT, 0.0, -FOOT]], atol=1e-12)
+
+
 def test_without_optins_the_reference_is_that_of_the_planform(tmp_path):
     text = CLEAN.with_suffix(".inp").read_text()
     (tmp_path / "wing.inp").write_text(

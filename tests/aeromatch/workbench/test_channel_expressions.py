@@ -42,6 +42,9 @@ def value(text):
         ("V*q + az", CHANNELS["az"] + CHANNELS["V"] * CHANNELS["q"], "m s-2"),
         ("q - imu.q", CHANNELS["q"] - 0.2, "deg/s"),
         ("alpha - 2 deg", CHANNELS["alpha"] - np.radians(2.0), "deg"),
+        ("alpha - 2 degrees", CHANNELS["alpha"] - np.radians(2.0), "deg"),
+        ("q - 5 dps", CHANNELS["q"] - np.radians(5.0), "deg/s"),
+        ("q - 6 rpm", CHANNELS["q"] - 0.2 * np.pi, "deg/s"),
         ("sqrt(q**2 + imu.q**2)", np.hypot(CHANNELS["q"], 0.2), "deg/s"),
         ("-V^2/2", -(CHANNELS["V"] ** 2) / 2.0, "m2 s-2"),
         ("1 / V", 1.0 / CHANNELS["V"], "m-1 s"),
@@ -113,7 +116,16 @@ def test_what_is_not_an_expression_is_an_error(text):
 
 @pytest.mark.parametrize(
     "text",
-    ["V + q", "alpha + 3", "3 < 4 - q", "sin(30)*q", "log(V)", "maximum(alpha, 3)", "V - 3 deg"],
+    [
+        "V + q",
+        "alpha + 3",
+        "3 < 4 - q",
+        "sin(30)*q",
+        "log(V)",
+        "maximum(alpha, 3)",
+        "V - 3 deg",
+        "q - 2 Hz",
+    ],
 )
 def test_other_dimensions_are_not_added(text):
     """A bare number next to an angle could be degrees or radians."""

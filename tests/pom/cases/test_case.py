@@ -342,3 +342,25 @@ def test_times_in_another_unit_are_named(write_case):
     path.write_text(text.replace(window, "window = [0.07, 0.25]"))
     with pytest.raises(SchemaError, match=r"0\.07 \.\.\. 0\.25 s holds 0\.18 s; it counts in sec"):
         read_case(path)
+
+
+def test_the_contents_of_the_files_that_a_case_names_count(write_case, tmp_path):
+    (tmp_path / "aircraft.toml").write_text('engine = [{ deck = { file = "deck.nc" } }]')
+    names = ("deck.nc", "names.toml", "law.fmu", "table.toml")
+    for name in names:
+        (tmp_path / name).write_text("first")
+    case = dataclasses.replace(
+        read_case(write_case()),
+        aircraft=str(tmp_path / "aircraft.toml"),
+        names=str(tmp_path / "names.toml"),
+        law=str(tmp_path / "law.fmu"),
+        models={"other": str(tmp_path / "table.toml")},
+    )
+    first = case.contents()
+    for name in names:
+        (tmp_path / name).write_text("edited")
+        assert case.contents() != first, name
+        (tmp_path / name).write_text("first")
+    # the wind of the record is not part of its reconstructed path
+    measured = dataclasses.replace(case, wind="measured").contents()
+    assert [item.path for item in measured if item not in first] == [tmp_path / "record.nc"]

@@ -1,5 +1,7 @@
 """What decides the last bit: every file of every package, settings of the arithmetic."""
 
+from importlib.metadata import EntryPoint
+
 import pytest
 
 from flightmech.support.kept_stages import program
@@ -44,3 +46,22 @@ def test_another_kernel_of_linear_algebra_is_another_arithmetic(monkeypatch, for
         program.hash_arithmetic.cache_clear()
         found.append(program.hash_arithmetic())
     assert found[0] != found[1]
+
+
+@pytest.mark.parametrize("file", ["reader.py", "reader/deep.py"])
+def test_the_sources_of_a_reader_of_another_package_count(tmp_path, monkeypatch, forgotten, file):
+    (tmp_path / file).parent.mkdir(exist_ok=True)
+    if "/" in file:
+        (tmp_path / "reader" / "__init__.py").touch()
+    points = [EntryPoint("fdr", "reader:read", program.RECORD_READERS)]
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(
+        program, "entry_points", lambda group: points if group == program.RECORD_READERS else []
+    )
+    found = []
+    for text in ("x = 1", "x = 2"):
+        (tmp_path / file).write_text(text)
+        program.hash_installation.cache_clear()
+        found.append(program.hash_installation())
+    assert found[0] != found[1]
+    assert "fdr reader:read" in found[0]

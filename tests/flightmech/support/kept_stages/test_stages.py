@@ -227,6 +227,16 @@ def test_warnings_of_a_stage_are_given_again(store):
         assert stages.remarks == ["cube of 2"]
 
 
+@pytest.mark.parametrize("threads", [False, True])
+def test_warnings_of_items_are_given_again(store, threads):
+    for _ in range(2):
+        stages = Stages(store)
+        inputs = {str(x): {"x": x} for x in (2, 3)}
+        with pytest.warns(AeromatchWarning, match="cube of"):
+            stages.each("cube", inputs, cube, lambda item: (int(item),), 2 - threads, threads)
+        assert sorted(stages.remarks) == ["cube of 2", "cube of 3"]
+
+
 def test_what_cannot_be_kept_counts_by_what_it_was_made_of(store):
     for value in (1, 1, 2):
         kept = Stages(store).one("function", {"value": value}, lambda: lambda: 3)
