@@ -73,6 +73,8 @@ _CAUSES = {
     "jump": ("held", "spike", "missing", "wrap", "lost", "correction"),
     "saturation": ("held", "unit"),
     "lag": ("staircase", "smoothed"),
+    # the rate of a moment equation without its peaks, which a smoothed surface lacks too
+    "smoothed": ("saturation",),
     "undecided": ("staircase", "smoothed"),
     "column_name": ("column", "axis", "definition"),
     "inconsistent": (
@@ -89,7 +91,7 @@ _CAUSES = {
     ),
 }
 # Kinds of findings that concern all their channels; others concern the first one.
-_OF_ALL_CHANNELS = ("inconsistent", "scale")
+_OF_ALL_CHANNELS = ("inconsistent", "scale", "smoothed")
 
 
 @dataclass(frozen=True)

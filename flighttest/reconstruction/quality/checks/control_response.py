@@ -41,7 +41,7 @@ _CERTAIN = 3.0  # standard errors by which the lead must lie beyond its limit
 _EXPLAINED = 0.4  # R2 that the equation must reach about the movements with the best delay
 # Samples that show when a surface acts: share of the largest movement, and time around it. [s]
 _ACTIVE, _AROUND = 0.25, 1.5
-_FLOW_DELAYS = np.arange(0.1, 3.05, 0.1)  # [s] a flow angle so late can reverse a sign
+FLOW_DELAYS = np.arange(0.1, 3.05, 0.1)  # [s] a flow angle so late can reverse a sign
 _LESS = 0.8  # largest share of the unexplained variance that may remain with such a delay
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALLEST_SPEED = 0.3  # of the median speed: lower bound in the dynamic pressure
@@ -320,7 +320,7 @@ def _flow_delay(data: Regression, most: float) -> float:
     """
     y = data.y[data.active]
     best = 0.0
-    for delay in _FLOW_DELAYS:
+    for delay in FLOW_DELAYS:
         columns = []
         for name, column in zip(data.names, data.columns, strict=True):
             if name in FLOW:

@@ -225,6 +225,7 @@ _COLUMNS = (
     "limit",
     "consistent",
     "moving",
+    "varies",
     "correlation",
     "slope",
     "slope_stderr",
@@ -248,9 +249,9 @@ def kinematic_table(signals: ResampledChannels) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``relation title units disagreement limit consistent moving correlation slope slope_stderr
-        offset rms``. The slope is of the first side over the second. Its standard error follows
-        from blocks of five seconds. Offset and rms difference are in `units`.
+        ``relation title units disagreement limit consistent moving varies correlation slope
+        slope_stderr offset rms``. The slope is of the first side over the second. Its standard
+        error follows from blocks of five seconds. Offset and rms difference are in `units`.
     """
     rows = []
     for name, check in compare_all(signals).items():
@@ -264,6 +265,7 @@ def kinematic_table(signals: ResampledChannels) -> pd.DataFrame:
                 "limit": check.relation.limit,
                 "consistent": check.consistent,
                 "moving": check.moving,
+                "varies": check.varies,
                 "correlation": check.correlation,
                 "slope": check.slope,
                 "slope_stderr": _slope_error(check, signals.step),
@@ -337,13 +339,16 @@ def _vane_findings(row) -> list[Finding]:
     limit = max(_VANE_SLOPE, _CERTAIN * row.slope_stderr)
     if row.correlation < _VANE_CORRELATION or not abs(row.slope - 1.0) > limit:
         return []
-    severity = "warning"
+    severity, cause = "warning", "upwash and offset"
     if _UPWASH[0] < row.slope < _UPWASH[1]:
         severity = "note"
+    elif not row.varies:
+        severity = "note"
+        cause += ", or wind and sideslip, which make changes as small as these"
     text = (
         f"alpha_vane shows {row.slope:.2f} of the angle that attitude and climb give "
         f"(standard error {row.slope_stderr:.2f}), "
-        f"mean difference {np.degrees(row.offset):+.1f} deg: upwash and offset"
+        f"mean difference {np.degrees(row.offset):+.1f} deg: {cause}"
     )
     remedy = (
         "give factor and bias_sigma of the vane in the aircraft file; the reconstruction "

@@ -352,4 +352,4 @@ def _degrees_finding(row, allowed: float) -> list[Finding]:
     unit = "deg" if row.units == "rad" else "deg/s"
     remedy = f"write the unit, such as '{allowed:g} {unit}': a number without one is in {row.units}"
     evidence = {"noise": row.noise, "specified": allowed}
-    return [Finding("warning", "instrument", (row.channel,), text, remedy, evidence=evidence)]
+    return [Finding("warning", "noise", (row.channel,), text, remedy, evidence=evidence)]

@@ -7,7 +7,8 @@ A surface that is only late does not show this: it fits the filtered motion afte
 with a delay.
 
 A vane with a lag looks alike: the equation holds if all terms but the vane pass through the lag. Of
-the two the one that leaves less unexplained is named.
+the two the one that leaves less unexplained is named. A vane with a late clock looks alike too. If
+its delay leaves least unexplained, neither is reported, and `control_responses` has the delay.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from flighttest.reconstruction.quality.checks.control_response import (
     EQUATIONS,
     FLOW,
+    FLOW_DELAYS,
     MOVED,
     Equation,
     Regression,
@@ -226,7 +228,10 @@ def _best_smoothing(equation: Equation, signals: ResampledChannels) -> Smoothing
     clear = best.gain > _CLEAR and best.gain * independent > _LIKELY
     if not clear:
         return None
+    late = _unexplained_by_late_vane(data, best, signals.step)
     lagged = _lagged_vane(data, signals.step)
+    if late < min(best.smoothed, math.inf if lagged is None else lagged.unexplained):
+        return None
     if lagged is not None and lagged.unexplained < best.smoothed:
         return replace(best, lagged=lagged)
     return best
@@ -249,6 +254,31 @@ def _lagged_vane(data: Regression, step: float) -> VaneLag | None:
         if effect < 0.0 and (best is None or share < best.unexplained):
             best = VaneLag(vanes[0], lag, share)
     return best
+
+
+def _unexplained_by_late_vane(data: Regression, smoothing: Smoothing, step: float) -> float:
+    """Return the smallest unexplained share of any delay of the vane; infinite without a vane. [1]
+
+    All terms pass through the filter of the smoothing, so that the share compares with its share.
+    """
+    if not FLOW & set(data.names):
+        return math.inf
+    apply = _make_filter(smoothing.order, smoothing.cutoff, step)
+    y, surface = apply(data.y)[data.active], apply(data.surface)
+    least = math.inf
+    for delay in FLOW_DELAYS:
+        on_time = []
+        for name, column in zip(data.names, data.columns, strict=True):
+            moved = column
+            if name in FLOW:
+                moved = np.interp(data.time + delay, data.time, column)
+            on_time.append(apply(moved)[data.active])
+        Q, _ = np.linalg.qr(np.stack(on_time, axis=1))
+        share, effect = _least_unexplained(y, Q, surface, data.active, longest=_REST / step)
+        # a positive surface makes a negative moment
+        if effect < 0.0:
+            least = min(least, share)
+    return least
 
 
 def _compare(

@@ -37,7 +37,7 @@ def test_other_gaps_and_channels_keep_their_finding():
 def test_a_noise_in_degrees_without_its_unit_is_named(units, unit):
     row = SimpleNamespace(channel="phi", units=units, noise=5.4e-4)
     (finding,) = _degrees_finding(row, 0.03)
-    assert finding.name == "instrument:phi"
+    assert finding.name == "noise:phi"
     assert f"'{unit}'" in finding.remedy
     assert _degrees_finding(row, 5.2e-4) == []
     assert _degrees_finding(SimpleNamespace(channel="V", units="m s-1", noise=5.4e-4), 0.03) == []

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flightmech
 import flighttest
@@ -19,12 +20,18 @@ def aircraft():
 def named(name, aircraft, **late):
     """Return errors and warnings of a record in which channels are late by so many seconds or, with
     a negative number, reversed.
+
+    A late channel has no values of the first seconds, so the record begins when it has. To repeat
+    its first value instead would be a fault of its own.
     """
     record = flighttest.read(C182 / "flight" / f"{name}.csv", C182 / "names.toml")
     for channel, delay in late.items():
         leaf = next(leaf for leaf, node in record.children.items() if channel in node.data_vars)
         t, x = record[leaf]["time"].values, record[leaf][channel].values.copy()
         record[leaf][channel].values[:] = -x if delay < 0.0 else np.interp(t - delay, t, x)
+    start = max(0.0, *late.values())
+    for leaf, node in record.children.items():
+        record[leaf] = xr.DataTree(node.to_dataset().sel(time=slice(start, None)))
     findings = flighttest.assess(record, aircraft).findings
     return {one.name: one for one in findings if one.severity != "note"}
 

@@ -28,15 +28,18 @@ def jet():
     return record, flightmech.read_aircraft(T37 / "aircraft.toml")
 
 
-def judged(flight, without=(), **changes):
-    """Return the quality of a flight with channels changed by functions of clock and values."""
+def judged(flight, without=(), start=0.0, **changes):
+    """Return the quality of a flight with channels changed by functions of clock and values.
+
+    The record begins at `start`: a late channel has no values before.
+    """
     record, aircraft = flight
     leaves = {"/": xr.Dataset(attrs=record.attrs)}
     for leaf, node in record.children.items():
         data = node.to_dataset().drop_vars(without, errors="ignore").copy(deep=True)
         for name in changes.keys() & set(data.data_vars):
             data[name].values[:] = changes[name](data["time"].values, data[name].values)
-        leaves[f"/{leaf}"] = data
+        leaves[f"/{leaf}"] = data.sel(time=slice(start, None))
     return flighttest.assess(xr.DataTree.from_dict(leaves), aircraft)
 
 
@@ -56,7 +59,7 @@ def plus(offset):
 @pytest.mark.parametrize(("channel", "delay"), [("vn", 1.0), ("V_cas", 2.0), ("alpha_vane", 0.25)])
 def test_late_channel(light, channel, delay):
     # the aircraft file allows a vane 0.2 s; 0.24 (0.017) s is not significantly more
-    (fault,) = faults(judged(light, **{channel: late(delay)})).values()
+    (fault,) = faults(judged(light, start=delay, **{channel: late(delay)})).values()
     assert fault.name == f"lag:{channel}"
     # the instruments of the record are 0.04 to 0.16 s late themselves
     assert delay < fault.evidence["delay"] < delay + 0.25
