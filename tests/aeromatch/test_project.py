@@ -326,6 +326,7 @@ def test_a_recording_is_an_input_of_the_replay_of_its_case_alone():
     cases = [SimpleNamespace(name=name, record=f"{name}.nc", **files) for name in names]
     for case in cases:
         case.without_texts = partial(copy, case)
+        case.contents = tuple  # no files
     run = RecordedRuns()
     inputs = of_cases(
         cases,
