@@ -22,7 +22,7 @@ DISTANCES = (0.05, 0.35, 1.0)
 NEGLIGIBLE = 0.05
 
 
-class Surroundings(NamedTuple):
+class CostNeighbourhood(NamedTuple):
     """Cost around a place.
 
     Attributes
@@ -53,7 +53,7 @@ def look_around(
     cost: float,
     information: np.ndarray,
     free: np.ndarray,
-) -> Surroundings:
+) -> CostNeighbourhood:
     """Return the cost around a place.
 
     Parameters
@@ -90,7 +90,7 @@ def look_around(
         # a lower place is the start of a further search, whatever else there is
         if cost - least > NEGLIGIBLE:
             break
-    return Surroundings(best, cost - least, width)
+    return CostNeighbourhood(best, cost - least, width)
 
 
 def _directions(
