@@ -181,7 +181,7 @@ def _with_flat_ends(name: str, points: np.ndarray) -> np.ndarray:
     """Return breakpoints with one more beyond each end, where a held value is held again.
 
     A linear continuation then holds the end value, as nothing is known of the ice beyond it.  An
-    axis that begins at zero and is no angle, such as Mach number, has nothing below.
+    axis of no angle that begins at zero, such as Mach number, is not extended below it.
     """
     ends = points[[0, -1]]
     distance = np.full(2, DEGREE) if lookup(name).units == "rad" else 0.5 * np.abs(ends)

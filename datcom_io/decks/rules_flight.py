@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from datcom_io.decks.cards import ERROR, NOTE, WARNING, DeckFinding
@@ -191,16 +191,12 @@ def check_loop_lists(deck: Deck) -> Iterator[DeckFinding]:
 
 def check_angle_schedule(deck: Deck) -> Iterator[DeckFinding]:
     """Yield angles of attack that do not rise; the program interpolates in their tables."""
-    alphas = deck.schedule("FLTCON", "ALSCHD", "NALPHA")
-    for first, second in pairwise(alphas):
-        if second <= first:
-            text = (
-                f"$FLTCON: the angles of attack do not rise: {first:g} is followed by "
-                f"{second:g}; the program interpolates in them, and slopes, forces and damping "
-                f"are wrong: give rising ones"
-            )
-            yield DeckFinding(deck.line_of("FLTCON", "ALSCHD"), ERROR, text)
-            return
+    if fall := _find_fall(deck.schedule("FLTCON", "ALSCHD", "NALPHA")):
+        text = (
+            f"$FLTCON: the angles of attack do not rise: {fall}; the program interpolates in them, "
+            f"and slopes, forces and damping are wrong: give rising ones"
+        )
+        yield DeckFinding(deck.line_of("FLTCON", "ALSCHD"), ERROR, text)
 
 
 def check_deflection_schedule(deck: Deck) -> Iterator[DeckFinding]:
@@ -211,15 +207,20 @@ def check_deflection_schedule(deck: Deck) -> Iterator[DeckFinding]:
     """
     if not deck.has("TRIM") or "SYMFLP" not in deck.namelists:
         return
-    for first, second in pairwise(deck.schedule("SYMFLP", "DELTA", "NDELTA")):
+    if fall := _find_fall(deck.schedule("SYMFLP", "DELTA", "NDELTA")):
+        text = (
+            f"$SYMFLP with TRIM: the deflections do not rise: {fall}; the program interpolates in "
+            f"them, and D(CL) and drag at trim are those of one end: give rising ones"
+        )
+        yield DeckFinding(deck.line_of("SYMFLP", "DELTA"), ERROR, text)
+
+
+def _find_fall(values: Sequence[float]) -> str:
+    """Return in words the first pair of values that does not rise, an empty text without one."""
+    for first, second in pairwise(values):
         if second <= first:
-            text = (
-                f"$SYMFLP with TRIM: the deflections do not rise: {first:g} is followed by "
-                f"{second:g}; the program interpolates in them, and D(CL) and drag at trim are "
-                f"those of one end: give rising ones"
-            )
-            yield DeckFinding(deck.line_of("SYMFLP", "DELTA"), ERROR, text)
-            return
+            return f"{first:g} is followed by {second:g}"
+    return ""
 
 
 def check_mach_regimes(deck: Deck) -> Iterator[DeckFinding]:

@@ -261,9 +261,9 @@ def tables_left(
         return tuple(remarks)
     text = f"tables left in {steps:.0f} integration steps, "
     if len(unseen) > 1:
-        text += f"in one of {', '.join(unseen)}, which are no outputs of the model"
+        text += f"in one of {', '.join(unseen)}, which are not outputs of the model"
     elif unseen:
-        text += f"in {unseen[0]}, which is no output of the model"
+        text += f"in {unseen[0]}, which is not an output of the model"
     else:
         text += "the FMU does not state in which variable"
     return (RowRemark("tables_left", text, values={"steps": steps}, unit="1"),)

@@ -77,7 +77,7 @@ function steps() {
     step("plan", "Plan and match", planned(), Boolean(view.plan && !view.plan.problems.length && !view.plan.gaps.length)));
 }
 
-function planned() {   // a match that identifies or proves nothing runs, and is no success
+function planned() {   // a match that identifies or proves nothing runs, but is not a success
   if (!view.plan) return "not planned yet";
   const { problems, gaps } = view.plan;
   return problems.length ? `${problems.length} problems` : gaps.length ? gaps.map((text) => text.split(":")[0]).join(", ") : "accepted";

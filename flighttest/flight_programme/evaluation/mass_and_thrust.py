@@ -133,7 +133,7 @@ def thrust_remarks(
         Of `add_computed_mass`.
     aircraft : Aircraft
     deck : ThrustPoints, optional
-        Without a deck there is no remark.
+        A record without a deck has no remark.
     windows : iterable of (start, stop)
         Stretches whose thrust is used. [s]
     """

@@ -1,7 +1,7 @@
 """Part of a surface that the pilot moves, where a damper moves the surface too.
 
 A yaw damper answers each rudder doublet with movements of its own.  They stand close to the steps
-of the pilot, and the doublet is no longer a sequence of steps with rest around it.  The pedals show
+of the pilot, and the doublet no longer has rest before and after its steps.  The pedals show
 it as it was flown.
 """
 

@@ -79,7 +79,7 @@ def _predict_coefficient(fit: Fit, data: xr.Dataset) -> tuple[list[PredictedChan
         predicted = predicted + np.nanmean(measured - predicted)
         remarks.append("its constant is taken from the window")
     channel = PredictedChannel(coefficient, "1", measured, predicted)
-    # A state without a value gives no coefficient, which is no fault of the model.
+    # A state without a value gives no coefficient, and that is not a fault of the model.
     lost = np.isnan(predicted) & np.isfinite(measured)
     if lost.any():
         remarks.append(f"{int(lost.sum())} samples without a state of the model do not count")

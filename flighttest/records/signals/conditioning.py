@@ -21,7 +21,7 @@ from flighttest.records.signals.resampling import (
 
 # Quantities that are constants of a manoeuvre.
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-# Channels besides the switches whose steps are no frequencies to be filtered.
+# Channels besides the switches whose steps must not be filtered.
 _STEPS = ("wow_", "gear", "speedbrake", "brake")
 # Attributes of a channel that a manoeuvre has too.
 _CHANNEL_ATTRIBUTES = ("units", "sign", "long_name", "calibration")

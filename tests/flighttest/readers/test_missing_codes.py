@@ -41,7 +41,7 @@ def test_both_codes_of_a_column_are_found():
         # nothing else is recorded, or nothing at all
         np.full(200, -999.0),
         np.full(200, np.nan),
-        # a number that is no code
+        # a number that is not a code
         with_code(-998.0),
     ],
 )
