@@ -27,7 +27,9 @@ Thrust, torque and the like: `MOVED_SHARE` of the largest value.  Our numbers; t
 forces are the tolerances of the trim rows of Table A2A.
 """
 MOVED_SHARE = 0.05
-MOVED_NOISE = 6.0  # standard deviations of the noise from sample to sample: less does not count as movement
+MOVED_NOISE = (
+    6.0  # standard deviations of the noise from sample to sample: less does not count as movement
+)
 NEAR_LEVEL = 0.25  # of a change: the movement begins after the last sample so near its start
 _TIME_ROUNDING = 1e-9  # [s] the last sample of a range may be later by a rounding error
 _TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute deviation

@@ -50,7 +50,9 @@ def test_flow_angles_of_an_aeroplane_that_stands_do_not_count():
 def test_without_a_count_or_a_name():
     assert left((ALPHA,), steps=0.0, alpha=1.0 + TIME) == ()
     (unseen,) = left((ALPHA,))
-    assert unseen.text.endswith("12 integration steps, in alpha, which is not an output of the model")
+    assert unseen.text.endswith(
+        "12 integration steps, in alpha, which is not an output of the model"
+    )
     (unseen,) = left((ALPHA, FLAP))
     assert "in one of alpha, delta_f, which are" in unseen.text
     (foreign,) = left(())
