@@ -205,7 +205,10 @@ def _model_remarks(project: Project) -> Iterator[str]:
 def _control_remarks(project: Project) -> Iterator[str]:
     """Yield the moments without the surface that moves in the manoeuvres of their fit."""
     for fit in project.fit:
-        moved = {word for name in fit.manoeuvres for word in name.split()[1:]}
+        # a manoeuvre is named by its kind and its controls: "doublet aileron rudder"
+        moved: set[str] = set()
+        for name in fit.manoeuvres:
+            moved.update(name.split()[1:])
         variables: dict[str, set[str]] = {}
         for text in fit.models:
             model = RegressionModel.parse(text)

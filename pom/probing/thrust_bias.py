@@ -135,7 +135,9 @@ def recorded_thrust_remarks(
         )
     ]
     lever_bias = _first(outputs, "trim.throttle")
-    if lever_bias:
+    if lever_bias and _LEVER not in job.inputs:
+        remarks.append(unprobed_remark("the bias of the lever", f"no input {_LEVER}", QUANTITY))
+    elif lever_bias:
         added = len(names) * lever_bias * _lever_effect(job, outputs, lever_bias)
         lever_text = (
             f"the trim moves the lever by {100.0 * lever_bias:+.2g} % of its travel, which adds "

@@ -45,6 +45,8 @@ def find_missing_codes(raw: np.ndarray) -> list[tuple[float, np.ndarray]]:
     other steps that are not zero.
     """
     codes: list[tuple[float, np.ndarray]] = []
+    if not raw.size:
+        return codes
     rest = raw
     for _ in range(_CODES):
         for value in (np.fmin.reduce(rest), np.fmax.reduce(rest)):

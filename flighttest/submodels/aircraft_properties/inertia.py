@@ -222,17 +222,26 @@ def _join_covariances(
 
     The product of inertia brings the errors of L and N into p' and r'.  Both have the same
     regressors, so with white residuals their covariance is that of one equation times the ratio of
-    the residual moments.  With L the root of a covariance, L_p L_r' times the correlation of the
-    residuals equals that, and stays positive definite with other ones.
+    the residual moments.  The product of the symmetric roots of both covariances times the
+    correlation of the residuals equals that, and stays positive with other residuals.
     """
     joined = np.asarray(block_diag(*covariances))
     roll, _, yaw = equations
-    correlation = float(roll.residual @ yaw.residual)
-    correlation /= float(np.linalg.norm(roll.residual) * np.linalg.norm(yaw.residual))
-    root_p, root_r = np.linalg.cholesky(covariances[0]), np.linalg.cholesky(covariances[2])
-    joined[:2, -2:] = correlation * root_p @ root_r.T
+    norms = float(np.linalg.norm(roll.residual) * np.linalg.norm(yaw.residual))
+    # exact data have no residual, and nothing to correlate
+    if not norms > 0.0:
+        return joined
+    correlation = float(roll.residual @ yaw.residual) / norms
+    root_p, root_r = _symmetric_root(covariances[0]), _symmetric_root(covariances[2])
+    joined[:2, -2:] = correlation * root_p @ root_r
     joined[-2:, :2] = joined[:2, -2:].T
     return joined
+
+
+def _symmetric_root(covariance: np.ndarray) -> np.ndarray:
+    """Return the symmetric square root; variances that rounding makes negative count as zero."""
+    variances, axes = np.linalg.eigh(covariance)
+    return axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ def chapter_title(sections: Sequence[Section]) -> str:
 
 
 def identified_names(sections: Sequence[Section]) -> str:
-    """Return the submodels that the chapter has, in its order; the validity envelope is none."""
+    """Return the submodels that the chapter has, in its order, without the validity envelope."""
     return ", ".join(section.name for section in sections if section.name != ENVELOPE)
 
 
