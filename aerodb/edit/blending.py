@@ -27,7 +27,7 @@ References
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
+from aerodb.edit.outside_rules import compare_outside_rules
 from aerodb.edit.term_edits import match_names
 from aerodb.store.grids import (
     fold_factors,
@@ -184,31 +185,6 @@ def consistency(
         As in `blend`.
     """
     return _compare_pairs(_match_pairs(db, other, names, rule), rule)
-
-
-def compare_outside_rules(name: str, leaves: Mapping[str, xr.Dataset]) -> str:
-    """Return a sentence on tables of one term that continue otherwise beyond their breakpoints.
-
-    A blend has the rule of the first table.  The text is empty if all rules are equal.
-
-    Parameters
-    ----------
-    name : str
-        Term.
-    leaves : mapping of str to Dataset
-        Table by the place or the label of its database.
-    """
-    rules = {label: str(leaf.attrs.get("outside", "hold")) for label, leaf in leaves.items()}
-    # a number without a table goes on in the same way by both rules
-    has_axes = any(leaf["value"].ndim for leaf in leaves.values())
-    if len(set(rules.values())) < 2 or not has_axes:
-        return ""
-    texts = [f"{rule!r} {label}" for label, rule in rules.items()]
-    first = next(iter(rules.values()))
-    return (
-        f"{name}: the rule outside is {', '.join(texts)}; the blend has {first!r}, so that it "
-        f"continues beyond the tables as the first database alone"
-    )
 
 
 @dataclass(frozen=True)

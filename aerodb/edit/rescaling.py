@@ -160,8 +160,8 @@ def _demand_similar_variables(leaves: Mapping[str, xr.Dataset]) -> None:
             if units in _NUMBERS or variable in _HEIGHTS:
                 continue
             problems.append(
-                f"{name} depends on {variable} [{units}], whose values do not carry over to another "
-                f"size; express it by a ratio (Mach number, qhat, CT), or delete the term"
+                f"{name} depends on {variable} [{units}], whose values do not carry over to "
+                f"another size; express it by a ratio (Mach number, qhat, CT), or delete the term"
             )
     if problems:
         raise SchemaError("rescale", problems)

@@ -21,7 +21,7 @@ from pom.tolerances.bands import RowRemark
 
 HEIGHT = 200.0 * FOOT
 HEIGHT_ALLOWANCE = 20.0 * FOOT
-"""Distance of the height from 200 ft at the stated instant: the tolerance of the height rows. [m]"""
+"""Distance of the height from 200 ft at the stated instant: as the height rows have it. [m]"""
 STANDING = 3.0 * KNOT
 """Ground speed of an aeroplane that stands; the wind moves its airspeed. [m s-1]"""
 ALLOWED = 1.0

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.edit.blending import compare_outside_rules
 from aerodb.edit.joined_sources.convention_faults import (
     ConventionFault,
     compare_pairs,
@@ -33,6 +32,7 @@ from aerodb.edit.joined_sources.source_nodes import (
     speaking,
     spread_on_grid,
 )
+from aerodb.edit.outside_rules import compare_outside_rules
 from aerodb.prior.sources import warn_user
 from aerodb.store.grids import is_within, regrid_leaf, union_axes, value_breakpoints
 from aerodb.store.overview import ORIGIN, plain_number

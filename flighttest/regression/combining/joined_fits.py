@@ -182,8 +182,8 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
         Fits of one coefficient, at comparable conditions. Not all of them need every term.
     method : {"inverse_variance", "median", "inverse_sigma"}
         Weights by the inverse of the full covariances, with standard errors inflated by each term's
-        Birge ratio; the median with 1.25 scatter/sqrt(n) [Gresham]_, from eight fits on as published;
-        weights 1/sigma. See `pool`.
+        Birge ratio; the median with 1.25 scatter/sqrt(n) [Gresham]_, from eight fits on as
+        published; weights 1/sigma. See `pool`.
     name : str
         Name in reports.
 

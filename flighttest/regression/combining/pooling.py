@@ -71,8 +71,8 @@ def pool(
     method : {"inverse_variance", "median", "inverse_sigma"}
         Weights 1/s^2, with the Birge ratio; the median, with the standard error
         1.25 scatter/sqrt(n), where the scatter of fewer than eight estimates counts at least as
-        much as the median of their standard errors; or weights 1/s and the standard error sqrt(n)/sum(1/s) of
-        [Grauer2010]_, which reproduces published tables and is not recommended.
+        much as the median of their standard errors; or weights 1/s and the standard error
+        sqrt(n)/sum(1/s) of [Grauer2010]_, which reproduces published tables and is not recommended.
 
     Raises
     ------

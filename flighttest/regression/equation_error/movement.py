@@ -1,7 +1,8 @@
 """Movement of the variables of a model inside the manoeuvres that identify it.
 
 A surface that rests gives no derivative: the fit then explains noise, and the level of its trim
-from one manoeuvre to the next.  The standard error of such an estimate is finite, and can even be small.
+from one manoeuvre to the next.  The standard error of such an estimate is finite, and can even be
+small.
 """
 
 from __future__ import annotations

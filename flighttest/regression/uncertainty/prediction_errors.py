@@ -200,9 +200,9 @@ def _common_samples(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
     lost = measured_at & ~np.isfinite(y)
     if lost.any():
         raise IdentificationError(
-            f"the prediction has no value at {int(lost.sum())} of {int(measured_at.sum())} measured "
-            f"samples, first at sample {int(lost.argmax())}: the run diverges or ends early; give the "
-            f"samples before it to compare these alone"
+            f"the prediction has no value at {int(lost.sum())} of {int(measured_at.sum())} "
+            f"measured samples, first at sample {int(lost.argmax())}: the run diverges or ends "
+            f"early; give the samples before it to compare these alone"
         )
     if measured_at.sum() < 2:
         raise IdentificationError(

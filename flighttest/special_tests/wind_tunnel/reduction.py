@@ -251,8 +251,8 @@ def _warn_of_tare(alpha: np.ndarray, off: np.ndarray, *, has_weight: bool) -> No
     """Warn of a tare without a known scatter, or of other attitudes than those of the wind-on."""
     if off.sum() == 1:
         warnings.warn(
-            "tare: one point with the wind off has no scatter, so the coefficients have no standard "
-            "error of the tare; record it twice or more, or state the errors of the loads",
+            "tare: one point with the wind off has no scatter, so the coefficients have no "
+            "standard error of the tare; record it twice or more, or state the errors of the loads",
             AeromatchWarning,
             stacklevel=4,
         )

@@ -178,9 +178,9 @@ def _axis_warnings(runs: Sequence[_Run], axes: Mapping[str, Sequence[float]]) ->
         share = float(np.mean((values < low - margin) | (values > high + margin)))
         if share > _MOST_BEYOND:
             yield (
-                f"thrust table: {name} of the records is {values.min():.4g} ... {values.max():.4g}, "
-                f"its breakpoints are {low:.4g} ... {high:.4g}: {100.0 * share:.3g} % of the "
-                f"samples count at the ends; extend the breakpoints, or leave the runs out"
+                f"thrust table: {name} of the records is {values.min():.4g} ... "
+                f"{values.max():.4g}, its breakpoints are {low:.4g} ... {high:.4g}: "
+                f"{100.0 * share:.3g} % of the samples count at the ends; extend the breakpoints, or leave the runs out"
             )
 
 

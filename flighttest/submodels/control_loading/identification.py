@@ -89,8 +89,8 @@ def identify_control_loading(
     method : {"best", "regression", "output error"}
         The regressions alone; or the likelihood of the simulated free motion and of the driven
         stretches, started from the regressions. Without free motion both are the same. ``"best"``
-        is the output error if its search converged or ended stationary, otherwise the regressions, whose standard
-        errors then contain the differences between both.
+        is the output error if its search converged or ended stationary, otherwise the regressions,
+        whose standard errors then contain the differences between both.
 
     Returns
     -------

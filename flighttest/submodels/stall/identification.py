@@ -139,8 +139,9 @@ def identify_stall(
     -----
     tau2, tau1 and asymmetry that the records do not determine are fixed at zero, one and zero, and
     the rest is fitted again; asymmetry in any case without Cl and Cn. The criteria are those of
-    `separable.identifiability`. a1 and alpha_star of a configuration are also not identified if no sample is beyond alpha_star, or if
-    the lift has no break, or one that a curved lift describes as well (`break_of_lift`).
+    `separable.identifiability`. a1 and alpha_star of a configuration are also not identified if no
+    sample is beyond alpha_star, or if the lift has no break, or one that a curved lift
+    describes as well (`break_of_lift`).
     """
     wanted = {**ATTACHED, **(attached or {})}
     unknown = [name for name in coefficients if name not in SEPARATED]

@@ -66,7 +66,7 @@ def remark_shares(shares: Mapping[str, float]) -> list[str]:
         elif share < LEAST_SHARE:
             remarks.append(
                 f"{coefficient}: R2 {share:.2f} on records that its terms were not fitted to, "
-                f"below {LEAST_SHARE:g}: noise, or a separation of another form, which standard errors "
-                "do not contain; compare unseen stalls before use"
+                f"below {LEAST_SHARE:g}: noise, or a separation of another form, which standard "
+                "errors do not contain; compare unseen stalls before use"
             )
     return remarks

@@ -32,7 +32,8 @@ from pom.tolerances.criteria import OF_PARAMETER, Criterion
 from pom.tolerances.rows import DEMONSTRATION
 
 LEVEL = 1.0  # [s] End of the window over which the end level is averaged; our choice.
-SETTLED = 0.05  # of the whole change: with more in the last `LEVEL` seconds there is no end level; our choice
+# Of the whole change: with more in the last `LEVEL` seconds there is no end level; our choice.
+SETTLED = 0.05
 
 
 def judge_engine_response(criterion: Criterion, match: Comparison) -> Judgement:

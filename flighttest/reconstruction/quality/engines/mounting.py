@@ -80,8 +80,8 @@ def unusual_mounting(aircraft: Aircraft) -> Iterator[UnusualSize]:
                 "engine_direction",
                 f"engine {number}: direction = {_place(engine.direction)} pushes the aircraft more "
                 f"to a side, up or down than forward",
-                "check the order x, y, z: x forward, y right, z down, such as [1.0, 0.0, 0.0]; right "
-                "for an engine that lifts",
+                "check the order x, y, z: x forward, y right, z down, such as [1.0, 0.0, 0.0]; "
+                "right for an engine that lifts",
             )
     yield from _unusual_sides(aircraft)
     x = aircraft.cg[0]

@@ -80,8 +80,9 @@ def _idle_finding(name: str, usual: float, signals: ResampledChannels) -> list[F
     if sink > _SINK:
         return []
     text = (
-        f"{name} is {usual / 1e3:.3g} kPa for half of the flight, that of an idling engine, and the aircraft sinks "
-        f"by {sink:.2g} m/s only: level flight takes more than {_IDLE / 1e3:g} kPa"
+        f"{name} is {usual / 1e3:.3g} kPa for half of the flight, that of an idling engine, and "
+        f"the aircraft sinks by {sink:.2g} m/s only: level flight takes more "
+        f"than {_IDLE / 1e3:g} kPa"
     )
     factors = [(unit, factor) for unit, factor in _PRESSURES if _IDLE < usual * factor < _ALOFT]
     if factors:
